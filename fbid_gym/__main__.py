@@ -41,6 +41,7 @@ COMMANDS = {
     "compare": Command("eval.compare", "Compare trainings: one page.", "train"),
     "benchmark": Command("eval.layers", "Compare an action layer of yours with ours.", "train"),
     "export": Command("eval.export", "Write a policy for others: ONNX, the Hub.", "export"),
+    "transfer": Command("eval.transfer", "Play policies on robots they never saw.", "train"),
     "engines": Command("eval.engines", "See who walks in Bullet as well.", "bullet"),
     "robots": Command("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
     "policies": Command("fbid_gym.policy", "List the policies that come with the package."),

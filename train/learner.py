@@ -82,7 +82,8 @@ def export(learner: BaseAlgorithm, config: TrainConfig, versions: dict[str, Any]
     seen = layers[0].in_features  # what follows is the critic's
     return Policy(
         env_id=config.env.rpartition(":")[2],  # a policy names no module to import
-        env_args=config.make_args(),
+        # It acts in an environment of one robot, whatever it was trained on.
+        env_args={n: value for n, value in config.make_args().items() if n != "robots"},
         mean=observation.mean[:seen],
         variance=observation.var[:seen],
         weights=tuple(layer.weight.detach().numpy() for layer in layers),

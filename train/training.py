@@ -33,7 +33,7 @@ from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, continued, open_run
-from train.runs.robots import chosen, is_built_in, with_robot
+from train.runs.robots import chosen, check_trainable, is_built_in, with_robot, with_robots
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
 from train.tensorboard import TensorBoardLog
@@ -54,7 +54,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
     """
     check_folder(config.folder.parent, "out", str(config.folder))
     with _room_for(config.folder), ExitStack() as stack:
-        config = continued(config)
+        config = with_robots(continued(config))
         args = {**config.make_args(), "num_threads": config.threads}
         if (robot := chosen(config.robot, config.feet)) is not None:
             args["robot"] = robot
@@ -71,7 +71,10 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
             )
         )
         # Whoever makes the environments may have brought a robot, too.
-        robot = getattr(robots, "robot", robot)
+        trained_on = getattr(robots, "robots", () if robot is None else (robot,))
+        check_trainable(trained_on)
+        if len(trained_on) == 1:
+            robot = trained_on[0].as_loaded
         own = None if robot is None or is_built_in(robot) else robot
         if robot is not None and (own is not None or config.robot is not None):
             args["robot"] = robot

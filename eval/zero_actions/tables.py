@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from eval.zero_actions.measures import Row, noise, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
@@ -166,7 +166,7 @@ TABLES = {
         seconds=6.0,
     ),
     "zoo": Table(
-        "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",
+        "robots that nobody has seen, drawn from seeds (`fbid_gym.robots.zoo`), standing and walking",
         tuple(map(str, range(24))),
         tuple(LAYERS),
         {"task": {"stand": {"env": None, "task": "balance"}, "walk": {}}},

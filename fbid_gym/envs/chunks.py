@@ -1,11 +1,12 @@
-"""A batch of environments in chunks, which threads step side by side."""
+"""A batch of environments in chunks, of one robot or of several, which threads step side by side."""
 
 import ctypes
 import json
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,12 +36,13 @@ class Chunks:
     computes does not depend on the chunk it is in.
 
     Attributes:
+        kinds: the chunks of each robot.
         num_steps: of a whole episode.
     """
 
     def __init__(
         self,
-        config: EnvConfig,
+        configs: EnvConfig | Sequence[EnvConfig],
         num_envs: int,
         num_threads: int = 1,
         max_episode_steps: int | None = None,
@@ -49,23 +51,40 @@ class Chunks:
         """Build the chunks.
 
         Args:
-            config: what the environments are.
-            num_envs: N.
+            configs: what the environments are; or for each robot, each with its part of them.
+            num_envs: N, all together.
             num_threads: threads that step them.
             max_episode_steps: after which episodes are truncated if they have not ended.
             stagger: whether the first episode of each is truncated, evenly spread over its
                 duration, so that those to come do not begin and end together.
+
+        Raises:
+            FbidError: as `EnvBatch`; or robots that cannot share an observation or an action, or
+                more of them than environments.
         """
+        configs = (configs,) if isinstance(configs, EnvConfig) else tuple(configs)
         num_envs = NUM_ENVS.check("num_envs", num_envs)
         num_threads = NUM_THREADS.check("num_threads", num_threads)
         most = None
         if max_episode_steps is not None:
             most = MOST_STEPS.check("max_episode_steps", max_episode_steps)
         threads = min(num_threads, num_envs)
-        count = threads * math.ceil(num_envs / threads / _MOST_TOGETHER)
-        bounds = np.linspace(0, num_envs, count + 1).astype(int)
-        self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        self.batches = [EnvBatch(config, s.stop - s.start, num_envs, most) for s in self.slices]
+        if num_envs < len(configs):
+            expected = f"one for each of the {len(configs)} robots, or more"
+            raise InvalidValueError("num_envs", num_envs, expected)
+        share, each = math.ceil(threads / len(configs)), _evenly(num_envs, len(configs))
+        self.kinds = [
+            [
+                EnvBatch(config, size, num_envs, most)
+                for size in _evenly(own, share * math.ceil(own / share / _MOST_TOGETHER))
+            ]
+            for config, own in zip(configs, each, strict=True)
+        ]
+        self.batches = [batch for kind in self.kinds for batch in kind]
+        ends = np.cumsum([0, *(batch.num_envs for batch in self.batches)]).tolist()
+        self.slices = [slice(a, b) for a, b in pairwise(ends)]
+        for kind in self.kinds[1:]:
+            _check_alike(self.batches[0], kind[0])
         self.num_envs = num_envs
         self.num_steps = self.batches[0].num_steps
         parts = np.arange(1, num_envs + 1) if Flag().check("stagger", stagger) else num_envs
@@ -160,6 +179,7 @@ class Chunks:
         if self._pool is not None:
             self._pool.shutdown()
         self.batches.clear()
+        self.kinds.clear()
         # Of what is free the C library of Linux keeps hundreds of megabytes until it is asked.
         if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):
             trim(0)
@@ -168,12 +188,20 @@ class Chunks:
         """Return the exact state of all environments as named arrays.
 
         It does not depend on the number of threads. "config" holds what the environments are, as
-        JSON in bytes.
+        JSON in bytes. Of several robots, names begin with the robot's number in the list.
         """
         self.check_open()
-        parts = [batch.state_dict() for batch in self.batches]
-        state = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        state = dict[str, np.ndarray]()
+        for head, batches in self._named_kinds():
+            parts = [batch.state_dict() for batch in batches]
+            state |= {head + n: np.concatenate([part[n] for part in parts]) for n in parts[0]}
         return state | {"config": np.frombuffer(self._config().encode(), np.uint8).copy()}
+
+    def _named_kinds(self) -> list[tuple[str, list[EnvBatch]]]:
+        """How the names in a state begin of each robot's arrays, and its chunks."""
+        if len(self.kinds) == 1:
+            return [("", self.kinds[0])]
+        return [(f"{number}.", batches) for number, batches in enumerate(self.kinds)]
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -189,10 +217,16 @@ class Chunks:
             raise InvalidValueError("state", list(state), "'config' among its arrays")
         _check_same(_read_config(state["config"]), _read_config(config))
         given = {name: checked_array(name, value, state) for name, value in own.items()}
-        for batch, part in zip(self.batches, self.slices, strict=True):
-            batch.check_state({name: value[part] for name, value in given.items()})
-        for batch, part in zip(self.batches, self.slices, strict=True):
-            batch.load_state_dict({name: value[part] for name, value in given.items()})
+        parts = list[tuple[EnvBatch, dict[str, np.ndarray]]]()
+        for head, batches in self._named_kinds():
+            mine = {n.removeprefix(head): v for n, v in given.items() if n.startswith(head)}
+            ends = np.cumsum([0, *(batch.num_envs for batch in batches)]).tolist()
+            for batch, (a, b) in zip(batches, pairwise(ends), strict=True):
+                parts.append((batch, {name: value[a:b] for name, value in mine.items()}))
+        for batch, part in parts:
+            batch.check_state(part)
+        for batch, part in parts:
+            batch.load_state_dict(part)
 
     def check_open(self) -> None:
         """Raise an error if they are closed."""
@@ -200,7 +234,34 @@ class Chunks:
             raise FbidError("These environments are closed: make others.")
 
     def _config(self) -> str:
-        return json.dumps(self.batches[0].config.as_dict(), sort_keys=True, default=str)
+        own = self.batches[0].config.as_dict()
+        if len(self.kinds) > 1:
+            own["robot"] = [kind[0].robot.name for kind in self.kinds]
+        return json.dumps(own, sort_keys=True, default=str)
+
+
+def _evenly(count: int, parts: int) -> list[int]:
+    """Return the sizes of so many parts of a count, none of them empty."""
+    bounds = np.linspace(0, count, min(parts, count) + 1).astype(int)
+    return np.diff(bounds).tolist()
+
+
+def _check_alike(first: EnvBatch, other: EnvBatch) -> None:
+    """Raise InvalidValueError for robots that cannot share a policy."""
+    names = [batch.robot.name for batch in (first, other)]
+    seen = [batch.observation_names for batch in (first, other)]
+    if seen[0] != seen[1]:
+        only = sorted(set(seen[0]) ^ set(seen[1]))[:1] or ["their order"]
+        raise InvalidValueError(
+            "robots",
+            names,
+            "robots with one observation, such as observation='body' of as many feet; these differ "
+            f"in {only[0]!r} ({len(seen[0])} and {len(seen[1])} entries)",
+        )
+    sizes = [len(batch.action_names) for batch in (first, other)]
+    if sizes[0] != sizes[1]:
+        expected = f"robots with one action; these have {sizes[0]} and {sizes[1]} entries"
+        raise InvalidValueError("robots", names, expected)
 
 
 def _read_config(packed: Any) -> dict[str, Any]:
@@ -244,5 +305,14 @@ def _joined(steps: list[Step]) -> Step:
         reward=np.concatenate([step.reward for step in steps]),
         terminated=np.concatenate([step.terminated for step in steps]),
         truncated=np.concatenate([step.truncated for step in steps]),
-        info={name: np.concatenate([step.info[name] for step in steps]) for name in steps[0].info},
+        info={n: np.concatenate([step.info[n] for step in steps]) for n in _shared(steps)},
     )
+
+
+def _shared(steps: list[Step]) -> list[str]:
+    """What all tell, in arrays of the same shape: robots have so many joints, each."""
+    return [
+        name
+        for name, value in steps[0].info.items()
+        if all(name in s.info and s.info[name].shape[1:] == value.shape[1:] for s in steps)
+    ]

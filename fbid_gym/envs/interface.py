@@ -13,6 +13,7 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import TERMINATIONS
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.options import Whole
+from fbid_gym.robots import several
 from fbid_gym.runtime.config import AROUND, Drawing, EnvConfig, plain
 
 METADATA: dict[str, Any] = {
@@ -27,7 +28,7 @@ class Interface:
 
     Attributes:
         config: what they are.
-        robot: the robot.
+        robot: the robot; of several the first.
         observation_names: what each entry of an environment's observation is, with its unit.
         action_names: what each entry of its action commands, with its scale and unit.
         drawn_over: what is drawn over the robots.
@@ -88,6 +89,8 @@ class Spec(EnvSpec):
         own = {name: value for name, value in self.kwargs.items() if name not in AROUND}
         meant = EnvConfig.of(own).resolved()
         written = plain(self.kwargs) | {name: _told(own[name], meant[name]) for name in own}
+        if self.kwargs.get("robots") is not None:
+            written["robots"] = [robot.name for robot in several(self.kwargs["robots"])]
         return EnvSpec.to_json(replace(self, kwargs=written))
 
 

@@ -54,12 +54,9 @@ class RobotRenderer:
             raise FbidError("render_mode 'human' needs a display. Use 'rgb_array' instead.")
 
     def frames(self, batches: Sequence[EnvBatch]) -> list[np.ndarray]:
-        """Draw all environments of some batches, see `render`; in a window the first one alone."""
-        if self.mode == "human":
-            self.render(batches[0], 0)
-            return []
-        return [frame for b in batches for e in range(b.num_envs) if (frame := self.render(b, e))
-                is not None]  # fmt: skip
+        """Draw all environments of some batches, see `render`."""
+        drawn = (self.render(batch, env) for batch in batches for env in range(batch.num_envs))
+        return [frame for frame in drawn if frame is not None]
 
     def render(self, batch: EnvBatch, env: int) -> np.ndarray | None:
         """Draw environment `env` of a batch: (H, W, 3) uint8, or None where it is in a window."""

@@ -30,14 +30,15 @@ class SB3VecEnv(VecEnv):
         observation_names: what each entry of an observation is, with its unit.
         action_names: what each entry of an action commands, with its scale and unit.
         chunks: of these.
-        robot: of these.
+        robot: of these; of several the first.
+        robots: of these.
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
     """
 
     def __init__(self, envs: RobotVectorEnv) -> None:
         """Wrap environments that reset in the step that ends an episode."""
         self.envs, self.chunks, num_envs = envs, envs.chunks, envs.num_envs
-        self.robot = envs.robot
+        self.robot, self.robots = envs.robot, envs.robots
         super().__init__(num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata |= envs.metadata
         self.observation_names, self.action_names = envs.observation_names, envs.action_names

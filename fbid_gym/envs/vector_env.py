@@ -12,7 +12,9 @@ from gymnasium.vector.utils import batch_space
 from fbid_gym.checks import by_name, real_numbers
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.interface import Interface, checked_seed
+from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.robots import several
 from fbid_gym.runtime.config import Drawing, EnvConfig
 
 
@@ -26,6 +28,8 @@ class RobotVectorEnv(Interface, VectorEnv):
     | Argument         | Default     | Meaning                                              |
     | ---------------- | ----------- | ---------------------------------------------------- |
     | `num_envs`       |             | Number of environments.                              |
+    | `robots`         | None        | Instead of `robot` a list, see `fbid_gym.robots.several`: |
+    |                  |             | so many environments of each, one after the other.   |
     | `num_threads`    | 1           | Threads that step them.                              |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
     | `max_episode_steps` | None     | Steps after which episodes are truncated at the latest. |
@@ -38,6 +42,7 @@ class RobotVectorEnv(Interface, VectorEnv):
         num_envs: int = 1,
         robot: Any = "biped",
         *,
+        robots: Any = None,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
@@ -46,18 +51,24 @@ class RobotVectorEnv(Interface, VectorEnv):
     ) -> None:
         """Build the environments."""
         drawing, rest = Drawing.of({"robot": robot} | arguments)
-        config, self.autoreset_mode = EnvConfig.of(rest), _autoreset_mode(autoreset_mode)
-        self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
+        listed = (robot,) if robots is None else several(robots)
+        configs = [EnvConfig.of(rest | {"robot": one}) for one in listed]
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.chunks = Chunks(configs, num_envs, num_threads, max_episode_steps, stagger)
+        self.robots = tuple(kind[0].robot for kind in self.chunks.kinds)
         self.single_observation_space, self.single_action_space = self._present(
-            config,
+            configs[0],
             drawing,
             self.chunks.batches[0],
+            robots=None if robots is None else listed,
             num_envs=num_envs,
             num_threads=num_threads,
             autoreset_mode=self.autoreset_mode,
             max_episode_steps=max_episode_steps,
             stagger=stagger,
         )
+        rest_of_them = (RobotRenderer(drawing, robot) for robot in self.robots[1:])
+        self._renderers = (self._renderer, *rest_of_them)
         self.num_envs = num_envs = self.chunks.num_envs
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -191,7 +202,11 @@ class RobotVectorEnv(Interface, VectorEnv):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self.chunks.check_open()
-        return tuple(self._renderer.frames(self.chunks.batches)) or None
+        if self.render_mode == "human":
+            self._renderer.render(self.chunks.batches[0], 0)
+            return None
+        drawn = zip(self._renderers, self.chunks.kinds, strict=True)
+        return tuple(frame for renderer, kind in drawn for frame in renderer.frames(kind))
 
     def _show(self) -> None:
         if self.render_mode == "human":
@@ -200,7 +215,8 @@ class RobotVectorEnv(Interface, VectorEnv):
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        self._renderer.close()
+        for renderer in self._renderers:
+            renderer.close()
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

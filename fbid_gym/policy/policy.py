@@ -143,7 +143,7 @@ class Policy:
     @property
     def leads(self) -> bool:
         """Whether its environment observes more after what the policy sees: for a critic."""
-        return bool(self.env_args.get("observation", "full") != "full")
+        return str(self.env_args.get("observation")).startswith("measured")
 
     @property
     def action_size(self) -> int:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.own_files import asset_places
+from fbid_gym.robots import zoo
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.source import MENAGERIE
 
@@ -102,9 +103,9 @@ ROBOTS = tuple(BUILT_IN)
 """Names of the built-in robots."""
 
 
-@functools.cache
+@functools.lru_cache(256)
 def load(name: str) -> Robot:
-    """Load a built-in robot, or "menagerie:NAME"; the same object every time.
+    """Load a built-in robot, "menagerie:NAME" or "zoo:SEED"; the same object every time.
 
     Raises:
         UnknownOptionError: no robot of this name.
@@ -112,6 +113,8 @@ def load(name: str) -> Robot:
     """
     if name.startswith(MENAGERIE):
         return Robot.load(name)
+    if name.startswith(zoo.ZOO):
+        return zoo.named(name)
     if name not in BUILT_IN:
         raise UnknownOptionError("robot", name, ROBOTS)
     asset, feet, home = BUILT_IN[name]

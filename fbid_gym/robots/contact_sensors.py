@@ -76,6 +76,11 @@ def add_contact_sensors(
     return names
 
 
+def sensor_columns(model: mujoco.MjModel, names: Sequence[str]) -> np.ndarray:
+    """Return where in `sensordata` sensors of forces are: (P, 3)."""
+    return np.array([model.sensor_adr[model.sensor(name).id] + np.arange(3) for name in names])
+
+
 def remove_contact_sensors(spec: mujoco.MjSpec) -> None:
     """Remove what `add_contact_sensors` added, from a robot that was written out and is read."""
     for element in [*spec.sensors, *spec.sites]:

@@ -14,7 +14,7 @@ from fbid_gym.bundles import write_file
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import archive, home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
-from fbid_gym.robots.contact_sensors import add_contact_sensors
+from fbid_gym.robots.contact_sensors import add_contact_sensors, sensor_columns
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
@@ -165,6 +165,12 @@ class Robot:
         """
         return home_check.findings(self)
 
+    @property
+    def as_loaded(self) -> "Robot":
+        """The robot that was loaded, of which this one was made: with motors, its feet in order."""
+        first = self._made[1][0] if self._made else None
+        return first.as_loaded if isinstance(first, Robot) else self
+
     def __repr__(self) -> str:
         """Say what it is, and what was changed of its file."""
         size = f"{self.num_joints} joints, {self.num_feet} feet on {self.num_points} points"
@@ -213,11 +219,11 @@ class Robot:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what `save` writes: equal for the same robot alone."""
+        """SHA-256 of what `save` writes: equal for the same robot alone, as it was loaded."""
         return archive.digest(self._archive())
 
     def _archive(self) -> bytes:
-        source, given = self.__reduce__()[1]
+        source, given = self.as_loaded.__reduce__()[1]
         packed = source.content
         if not isinstance(packed, bytes):
             packed = archive.pack(normalise(source, given["base"]).spec)
@@ -346,7 +352,6 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
     actuator, gear, limit = motor_of_each_joint(model)
     refuse_diverging(MeasuredModel(model, at_home.qpos), source.label)
     own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
-    columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
     robot = Robot(
         name=name or own_name or source.name,
         model=model,
@@ -359,7 +364,7 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
         joint_range=mjcf.joint_range(model),
         actuator=actuator,
         gear=gear,
-        contact_sensor=np.array(columns, dtype=int),
+        contact_sensor=sensor_columns(model, sensors),
         mass=float(model.body_subtreemass[base_body]),
         notes=tuple(notes),
         servo_gains=gains,

@@ -21,7 +21,8 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
-from fbid_gym.robots import MENAGERIE, ROBOTS, Robot, load
+from fbid_gym.robots import MENAGERIE, ROBOTS, ZOO, Robot, load
+from fbid_gym.robots.by_place import by_place
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.data_sheets import motor_sheet
 from fbid_gym.robots.drives import IDEAL, check_motors, complete_table, with_motors
@@ -35,7 +36,7 @@ from fbid_gym.robots.terrain import (
     make_terrain,
     world_of,
 )
-from fbid_gym.runtime.observer import OBSERVATIONS
+from fbid_gym.runtime.observer import BODY, FULL, OBSERVATIONS
 from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.runtime.rates import Rate, Rates
 from fbid_gym.tasks import (
@@ -105,7 +106,8 @@ class EnvConfig:
     """Everything that defines an environment; the same for one robot and for many."""
 
     robot: str | Robot = "biped"
-    """Name of a built-in robot, "menagerie:NAME" for one of `mujoco_menagerie`, or a `Robot`."""
+    """Name of a built-in robot, "menagerie:NAME" for one of `mujoco_menagerie`, "zoo:7" for one
+    drawn from a seed, see `fbid_gym.robots.zoo`, or a `Robot`."""
     task: Annotated[str, Choice(TASKS)] = "balance"
     """What the robot shall do: see `fbid_gym.tasks.TASKS`."""
     task_options: dict[str, Any] = field(default_factory=dict)
@@ -174,9 +176,10 @@ class EnvConfig:
     """What layer, gait and policy know: "true", or "estimated" from the sensors. Default:
     "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
     truth."""
-    observation: Annotated[str, Choice(OBSERVATIONS)] = "full"
-    """"full", or for robots, with sensors that are not perfect, "measured": what they tell and what
-    the robot is told, and apart from it what a critic may know; or "measured+estimate"."""
+    observation: Annotated[str, Choice(OBSERVATIONS)] = FULL
+    """"full"; "body", of body and feet alone, in the robot's own units, with the feet in the order
+    of their places; or for robots, with sensors that are not perfect, "measured": what they tell
+    and what the robot is told, and apart from it what a critic may know; or "measured+estimate"."""
     history: Annotated[int, Whole(1, 1000)] = 1
     """Policy steps that are observed together, newest first; at most an episode's."""
 
@@ -191,8 +194,8 @@ class EnvConfig:
         if self.perceived() is None and self.state == "estimated":
             expected = '"true" with perfect sensors, of which nothing has to be estimated'
             raise InvalidValueError("state", self.state, expected)
-        if self.observation != "full" and (self.perceived() is None or not self.estimates):
-            expected = '"full", or sensors that are not perfect and state="estimated"'
+        if self.observation not in (FULL, BODY) and not self.estimates:
+            expected = '"full", "body", or sensors that are not perfect and state="estimated"'
             raise InvalidValueError("observation", self.observation, expected)
         if 1 < self.history > self.episode_seconds * self.policy_hz:
             expected = f"at most the {self.episode_seconds * self.policy_hz:g} steps of an episode"
@@ -221,13 +224,14 @@ class EnvConfig:
         )
 
     def load_robot(self) -> Robot:
-        """Return the robot, with its motors."""
+        """Return the robot, with its motors; with its feet in order for who sees the body alone."""
         robot = self._plain_robot()
-        return with_motors(robot, self.motors, motor_sheet(robot))
+        equipped = with_motors(robot, self.motors, motor_sheet(robot))
+        return by_place(equipped) if self.observation == BODY else equipped
 
     def _plain_robot(self) -> Robot:
         robot = self.robot
-        if isinstance(robot, str) and robot.startswith(MENAGERIE):
+        if isinstance(robot, str) and robot.startswith((MENAGERIE, ZOO)):
             robot = load(robot)
         if isinstance(robot, Robot):
             check_upright(robot)
@@ -390,7 +394,7 @@ _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 
 AROUND = (
     *options_of(Drawing),
-    *("num_envs", "num_threads", "max_episode_steps", "stagger", "autoreset_mode"),
+    *("num_envs", "robots", "num_threads", "max_episode_steps", "stagger", "autoreset_mode"),
     "vectorization_mode",
 )
 """Arguments about how environments are drawn and stepped."""

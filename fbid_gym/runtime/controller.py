@@ -247,7 +247,7 @@ class Controller:
         """Where the robot is, as it is told or by its own estimate."""
         reader = self._reader
         if reader is None or not reader.reads(sensors):
-            if self.config.observation != "full":
+            if self.config.observation.startswith("measured"):
                 expected = f"{', '.join(READINGS)}: its policy observes them"
                 raise InvalidValueError("sensors", "a state", expected)
             state = self._sensing.state(sensors, int(self._tick[0]))

@@ -1,6 +1,7 @@
 """What a policy observes, and what its critic does: one row of numbers, with a name for each.
 
-"full" is the task's table, at the state as controllers know it. "measured" is for robots: it begins
+"full" is the task's table, at the state as controllers know it. "body" is the part of it that means
+the same on every legged robot, see `fbid_gym.tasks.body_view`. "measured" is for robots: it begins
 with the group "policy", of what the robot is told, does itself or reads from its sensors, the last
 `history` steps of it, newest first; "measured+estimate" adds the rest of the table by the estimate.
 Then comes the group "critic", for training alone: the table at the true state, and how plant and
@@ -15,6 +16,7 @@ import numpy as np
 from fbid_gym.estimation.estimator import Estimator
 from fbid_gym.runtime import answers
 from fbid_gym.tasks import Task
+from fbid_gym.tasks.body_view import body_view
 from fbid_gym.tasks.observation import (
     ESTIMATED,
     KNOWN,
@@ -26,7 +28,8 @@ from fbid_gym.tasks.observation import (
     entry_names,
 )
 
-OBSERVATIONS = ("full", "measured", "measured+estimate")
+FULL, BODY = "full", "body"
+OBSERVATIONS = (FULL, BODY, "measured", "measured+estimate")
 """Kinds of observation."""
 
 POLICY, CRITIC = "policy", "critic"
@@ -66,10 +69,11 @@ class Observer:
                 None: nobody knows that, nor the true state, and there is no critic.
         """
         self.groups, self._task, self._count = answers.checked_groups(task), task, count
-        measured = kind != "full"
+        measured = kind not in (FULL, BODY)
         self._split = measured and drawn is not None
         self.arrays: dict[str, np.ndarray] = {}
-        seen, chance = dict(self.groups), _drawn(drawn or {})
+        table = body_view(self.groups, task.body) if kind == BODY else self.groups
+        seen, chance = dict(table), _drawn(drawn or {})
         told = {**{f"actual_{n}": group for n, group in self.groups.items()}, **chance}
         if measured and estimator is not None:
             sources = (KNOWN, MEASURED, ESTIMATED) if "estimate" in kind else (KNOWN, MEASURED)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back

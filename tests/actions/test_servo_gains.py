@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.actions.joint_gains import JointGains, missing_damping, sampled_growth
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.envs import ENVIRONMENTS

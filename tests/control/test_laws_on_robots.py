@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from eval.papers.mistry2010.force_feedback import (
     Equation,
     estimated_force,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import Step

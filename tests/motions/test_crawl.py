@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.errors import FbidError, InvalidValueError, RobotError
 from fbid_gym.robots import Robot, load
 from tests.robots.test_copies import same

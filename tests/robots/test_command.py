@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.envs import verdict as verdicts
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main

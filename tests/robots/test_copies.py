@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 
@@ -63,9 +63,9 @@ def test_a_robot_changed_by_hand_is_not_pickled() -> None:
 
 def test_a_file_that_has_changed_is_another_robot(tmp_path: Path) -> None:
     path = tmp_path / "zoo.xml"
-    path.write_text(zoo.zoo(22))
+    path.write_text(zoo.mjcf(zoo.draw(22)))
     pickled = pickle.dumps(Robot.from_mjcf(path))
-    path.write_text(zoo.zoo(22).replace("0.8 0.01", "0.9 0.01"))
+    path.write_text(zoo.mjcf(zoo.draw(22)).replace("0.8 0.01", "0.9 0.01"))
     with pytest.raises(RobotError, match="zoo.xml' has changed since the robot was loaded."):
         pickle.loads(pickled)
 

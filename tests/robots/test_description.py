@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
 

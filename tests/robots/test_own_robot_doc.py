@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.robots import Robot
 from tests.robots.test_source_urdf import urdf
 

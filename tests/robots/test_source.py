@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import Robot
 from tests.robots.test_source_urdf import urdf

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.measured_model import MeasuredModel

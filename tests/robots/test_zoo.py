@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval import zoo
+from fbid_gym.robots import zoo
 from fbid_gym.robots import Robot
 from tests.pairs import pairs
 

@@ -12,7 +12,7 @@ import pytest
 
 import eval.rollout
 import train.ppo
-from eval import zoo
+from fbid_gym.robots import zoo
 from eval.compare import main as compare
 from fbid_gym import make_sb3
 from fbid_gym.errors import InvalidValueError, RunError

@@ -64,4 +64,4 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 def is_for_robots(config: TrainConfig) -> bool:
     """Whether observations have a part for the critic alone."""
-    return bool(config.make_args().get("observation", "full") != "full")
+    return str(config.make_args().get("observation")).startswith("measured")

@@ -199,6 +199,10 @@ class TrainConfig:
     or a robot.zip. The run folder keeps it."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    robots: tuple[str, ...] = ()
+    """Train on several robots, so many environments of each: built-in ones, files, or drawn ones,
+    "zoo:quadruped:0-15". With --env-args '{"observation": "body"}' they need not have as many
+    joints."""
     seed: Seed = 0
     """Seed of the initial network, the exploration and the robots."""
     total_steps: Count = 1_000_000
@@ -255,7 +259,8 @@ class TrainConfig:
                     name, getattr(self, name), f"values JSON can hold ({error})"
                 ) from error
         own = {"env_id", "id", "action_layer", "layer_options", "seed", "num_envs", "num_threads"}
-        taken = sorted((own | ({"robot"} if self.robot else set())) & set(self.env_args))
+        own |= {name for name in ("robot", "robots") if getattr(self, name)}
+        taken = sorted(own & set(self.env_args))
         if taken:
             raise InvalidValueError(
                 "env_args", self.env_args, f"no {taken[0]!r}, which has an option of its own"
@@ -334,7 +339,7 @@ class TrainConfig:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
         # A robot of its own is named among the environment's arguments, see `train.runs.robots`.
-        for name in ("env", "out", "overwrite", "track", "robot", "feet"):
+        for name in ("env", "out", "overwrite", "track", "robot", "feet", "robots"):
             del data[name]
         for name in ALGORITHMS.keys() - {self.algorithm}:
             del data[name]

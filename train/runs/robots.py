@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, ZOO, Robot, load
 from fbid_gym.robots.description import feet_in_words
 from fbid_gym.robots.source import is_published
+from fbid_gym.robots.zoo import HELD_OUT, is_held_out
 from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
@@ -22,7 +23,7 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
     """Return the robot that a command line names; None where it names none.
 
     Args:
-        robot: the name of a built-in robot, or an argument of `Robot.load`.
+        robot: the name of a built-in robot or of a drawn one, or an argument of `Robot.load`.
         feet: the words of `--feet`.
 
     Raises:
@@ -32,7 +33,7 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
         if feet:
             raise InvalidValueError("--feet", " ".join(feet), "none without --robot")
         return None
-    if robot in ROBOTS:
+    if robot in ROBOTS or robot.startswith(ZOO):
         if feet:
             raise InvalidValueError("--feet", " ".join(feet), f"none for {robot!r}, which has its")
         return load(robot)
@@ -56,9 +57,26 @@ def with_robot(config: TrainConfig, robot: Robot) -> TrainConfig:
     return replace(config, env_args=names, robot=None, feet=())
 
 
+def with_robots(config: TrainConfig) -> TrainConfig:
+    """Return the configuration with its list of robots among the environment's arguments."""
+    if not config.robots:
+        return config
+    names = {**config.env_args, "robots": list(config.robots)}
+    return replace(config, env_args=names, robots=())
+
+
+def check_trainable(robots: Sequence[Robot]) -> None:
+    """Raise InvalidValueError for a drawn robot that is for tests."""
+    for robot in robots:
+        if robot.name.startswith(ZOO) and is_held_out(robot.name):
+            expected = f"seeds below {HELD_OUT}; the others are for tests"
+            raise InvalidValueError("robot to train on", robot.name, expected)
+
+
 def is_built_in(robot: Robot) -> bool:
     """Whether its name says all of it."""
-    return robot.name in ROBOTS and load(robot.name) is robot
+    known = robot.name in ROBOTS or robot.name.startswith(ZOO)
+    return known and load(robot.name) is robot
 
 
 def of_policy(path: Path, env_args: Mapping[str, Any], given: Robot | None = None) -> Robot | None:

@@ -1,16 +1,39 @@
 """Robots that nobody has seen: legged morphologies drawn from a seed, as MJCF.
 
+    env = gym.make("fbid_gym/QuadrupedWalk-v0", robot="zoo:quadruped:7")
+
+"zoo:7" has two, four or six legs; "zoo:quadruped:7" four on spheres, "zoo:biped:7" two on flat
+soles, "zoo:hexapod:7" six. Of 1 to 200 kg, lengths grow with the cube root of the mass, and torques
+with mass times length, so that robots are geometrically similar give or take a fifth: limb bones of
+mammals nearly are, their lengths grow with mass^0.35 (Alexander et al. 1979, J. Zool. 189).
+Robots of the seeds from `HELD_OUT` on are for tests: no training of ours takes them.
+
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
 `foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise (or
 one of SOLES, for those who ask); legs come in pairs, left (even) and right (odd), front to back.
 """
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.robots import Robot
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.robots.robot import Robot
+
+ZOO = "zoo:"
+"""How the names of drawn robots begin."""
+
+HELD_OUT = 1000
+"""First of the seeds whose robots are for tests."""
+
+FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6}
+"""Kinds of robots to draw from, with their numbers of legs; 0: two, four or six."""
+
+_NAME = re.compile(rf"{ZOO}(?:({'|'.join(filter(None, FAMILIES))}):)?(\d{{1,9}})(?:-(\d{{1,9}}))?")
+_MOST_AT_ONCE = 10_000
+_MOST_JOINTS = 28  # of a robot of a family
 
 JOINTS = {
     3: "hip_roll hip_pitch knee",
@@ -33,7 +56,8 @@ _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 class Morphology:
     """What a robot is; lengths in m."""
 
-    seed: int  # what it was drawn from; its name
+    seed: int  # what it was drawn from
+    family: str  # one of FAMILIES
     mass: float  # kg
     legs: int  # 2, 4 or 6
     joints: int  # of each leg, 3 to 7
@@ -48,26 +72,34 @@ class Morphology:
     trunk_share: float  # of the mass
 
     @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return f"zoo_{self.family}{self.seed}" if self.family else f"zoo{self.seed}"
+
+    @property
     def foot_names(self) -> tuple[str, ...]:
         """Names of the feet's bodies."""
         return tuple(f"foot{leg}" for leg in range(self.legs))
 
 
-def draw(seed: int) -> Morphology:
-    """Draw a robot: sizes follow from the mass as in robots and animals alike, give or take."""
+def draw(seed: int, family: str = "") -> Morphology:
+    """Draw a robot of a family: sizes follow from the mass as in robots and animals alike."""
     rng = np.random.default_rng(seed)
     mass = float(np.exp(rng.uniform(np.log(1.0), np.log(200.0))))
-    legs = int(rng.choice([2, 4, 6]))
+    chosen = int(rng.choice([2, 4, 6]))
+    legs = FAMILIES[family] or chosen
+    most = min(7, _MOST_JOINTS // legs) if family else 7
     # 12 kg go with legs of 0.43 m on four legs (a Go1), 55 kg with 0.77 m on two.
     leg = (0.42 if legs == 2 else 0.35) * (mass / 8.0) ** (1 / 3) * float(rng.uniform(0.8, 1.25))
     length = leg * float(rng.uniform(0.5, 0.8)) if legs > 2 else leg * 0.2
     return Morphology(
         seed=seed,
+        family=family,
         mass=mass,
         legs=legs,
         # A biped stands on soles, and puts them level with an ankle.
-        joints=int(rng.integers(4 if legs == 2 else 3, 8)),
-        foot="box" if legs == 2 else str(rng.choice(FEET)),
+        joints=int(rng.integers(4 if legs == 2 else 3, most + 1)),
+        foot="box" if legs == 2 else _foot_of(family, str(rng.choice(FEET))),
         actuators=str(rng.choice(ACTUATORS)),
         ground=bool(rng.random() < 0.5),
         leg=leg,
@@ -79,10 +111,57 @@ def draw(seed: int) -> Morphology:
     )
 
 
-def built(animal: Morphology) -> Robot:
+def _foot_of(family: str, drawn: str) -> str:
+    return "sphere" if family else drawn
+
+
+def built(animal: Morphology, name: str | None = None) -> Robot:
     """Load a drawn robot as a user would."""
     limit = torque_limit(animal) if animal.actuators == "none" else None
-    return Robot.from_mjcf(mjcf(animal), animal.foot_names, torque_limit=limit)
+    return Robot.from_mjcf(mjcf(animal), animal.foot_names, name=name, torque_limit=limit)
+
+
+def drawn(name: str) -> tuple[str, ...]:
+    """Return the names of the robots that a name with a range of seeds stands for.
+
+    Args:
+        name: such as "zoo:quadruped:0-63", or "zoo:7" for one.
+
+    Raises:
+        InvalidValueError: no such name, or no robots or too many.
+    """
+    family, first, last = _parts(name)
+    if not first <= last < first + _MOST_AT_ONCE:
+        raise InvalidValueError("robots", name, f"1 to {_MOST_AT_ONCE} seeds, least-greatest")
+    kind = f"{ZOO}{family}:" if family else ZOO
+    return tuple(f"{kind}{seed}" for seed in range(first, last + 1))
+
+
+def named(name: str) -> Robot:
+    """Return the robot of a name such as "zoo:quadruped:7".
+
+    Raises:
+        InvalidValueError: no such name.
+    """
+    family, first, last = _parts(name)
+    if first != last:
+        raise InvalidValueError("robot", name, f"one robot, such as {drawn(name)[0]!r}")
+    return built(draw(first, family), name)
+
+
+def is_held_out(name: str) -> bool:
+    """Whether a name is that of a drawn robot that no training takes."""
+    return name.startswith(ZOO) and _parts(name)[2] >= HELD_OUT
+
+
+def _parts(name: str) -> tuple[str, int, int]:
+    """The family, the first and the last seed that a name says."""
+    found = _NAME.fullmatch(name)
+    if found is None:
+        kinds = ", ".join(f'"{ZOO}{kind}:7"' for kind in FAMILIES if kind)
+        raise InvalidValueError("robot", name, f'"{ZOO}7", {kinds}, or a range such as 0-63')
+    family, first, last = found.groups()
+    return family or "", int(first), int(last or first)
 
 
 def mjcf(robot: Morphology) -> str:
@@ -101,7 +180,7 @@ def mjcf(robot: Morphology) -> str:
     }[robot.actuators]
     joints = [f"leg{leg}_{name}" for leg in legs for name in JOINTS[robot.joints].split()]
     return f"""
-    <mujoco model="zoo{robot.seed}">
+    <mujoco model="{robot.name}">
       <compiler angle="radian" autolimits="true"/>
       <default>
         <joint armature="{armature:.9g}" damping="{damping:.9g}"/>
@@ -119,11 +198,6 @@ def mjcf(robot: Morphology) -> str:
       </worldbody>
       <actuator>{"".join(actuator.format(joint) for joint in joints)}</actuator>
     </mujoco>"""
-
-
-def zoo(seed: int) -> str:
-    """Draw a robot and write its MJCF."""
-    return mjcf(draw(seed))
 
 
 def torque_limit(robot: Morphology) -> float:

@@ -1,0 +1,158 @@
+r"""Play policies, unchanged, on robots that they may never have seen, beside the zero action.
+
+python -m eval.transfer runs/my_run --robots go1 zoo:quadruped:1000-1029 --out transfer.csv
+"""
+
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from eval.files import check_output, write
+from eval.rollout import Player, load_player, play_player
+from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.options import Whole, check_fields
+from fbid_gym.robots import Robot, several
+from train.command import run_command
+from train.environments import parse_env_args
+from train.episodes import Episodes
+from train.progress import progress
+from train.runs.tables import to_csv
+
+COLUMNS = ("robot", "mass", "joints", "feet", "policy", "episodes", "return", "up", "velocity_error")
+
+
+@dataclass(frozen=True)
+class TransferConfig:
+    """Play policies, unchanged, on robots that they may never have seen."""
+
+    sources: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Run folders, exported policies or `shipped:NAME`."""
+    robots: tuple[str, ...]
+    """Built-in robots, paths of files, "menagerie:NAME", or "zoo:quadruped:1000-1029"."""
+    episodes: Annotated[int, Whole(1, 100_000)] = 8
+    """On each robot."""
+    seed: Annotated[int, Whole(0, 2**63)] = 50_000
+    """Environment i starts from seed + i."""
+    env_args: str = "{}"
+    """Further environment arguments as a JSON object; they replace those of the policies."""
+    out: Path | None = None
+    """Write the table, as .csv."""
+
+
+def run(config: TransferConfig, console: Console) -> None:
+    """Do what the command line asks."""
+    check_fields(config)
+    if config.out is not None:
+        check_output(config.out, "out", (".csv",))
+    if not config.sources:
+        raise InvalidValueError("sources", "()", "at least one policy")
+    robots, env_args = several(config.robots), parse_env_args(config.env_args)
+    rows = list[dict[str, Any]]()
+    with progress(console, "robots") as tell:
+        for number, robot in enumerate(robots):
+            for player in _players(config, env_args, robot):
+                played = _played(player, config, console)
+                rows.append(_row(robot, player, played))
+            tell(number + 1, len(robots), robot.name)
+    console.print(table(rows))
+    for sentence in findings(rows):
+        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+    if config.out is not None:
+        write(config.out, to_csv(list(COLUMNS), rows))
+        console.print(f"wrote {config.out}", markup=False, highlight=False)
+
+
+def _players(config: TransferConfig, env_args: dict[str, Any], robot: Robot) -> list[Player]:
+    """The policies on a robot, each followed by the zero action of its environment if that is new."""
+    found = list[Player]()
+    for source in config.sources:
+        player = load_player(source, env_args, robot)
+        zero = replace(player, name=f"zero, {player.env_args['action_layer']}", policy=None)
+        found += [player, *([] if zero.name in [other.name for other in found] else [zero])]
+    return found
+
+
+def _played(player: Player, config: TransferConfig, console: Console) -> Episodes | None:
+    """The episodes of a player; None, with a sentence, where it cannot act on the robot."""
+    try:
+        return play_player(player, config.episodes, config.seed)
+    except FbidError as reason:
+        robot = "" if player.robot is None else f" on {player.robot.name}"
+        console.print(f"{player.name}{robot}: {reason}", markup=False, highlight=False)
+        return None
+
+
+def _row(robot: Robot, player: Player, played: Episodes | None) -> dict[str, Any]:
+    told: dict[str, Any] = {"return": "", "up": "", "velocity_error": "", "episodes": 0}
+    if played is not None:
+        told = {
+            "return": f"{np.mean(played.returned):.6g}",
+            "up": f"{np.mean(played.survived):.4g}",
+            "velocity_error": f"{np.mean(played.velocity_error):.4g}",
+            "episodes": len(played),
+        }
+    own = {"robot": robot.name, "mass": f"{robot.mass:.4g}", "joints": robot.num_joints}
+    return {**own, "feet": robot.num_feet, "policy": player.name, **told}
+
+
+def table(rows: list[dict[str, Any]]) -> Table:
+    """Return and share of the episodes without a fall, a row for each robot."""
+    result = Table(title="Return, and share of the episodes without a fall", title_justify="left")
+    for heading in ("robot", "kg", "joints"):
+        result.add_column(heading)
+    policies = list(dict.fromkeys(row["policy"] for row in rows))
+    for policy in policies:
+        result.add_column(escape(policy), justify="right")
+    by_robot = dict[str, dict[str, dict[str, Any]]]()
+    for row in rows:
+        by_robot.setdefault(row["robot"], {})[row["policy"]] = row
+    for robot, own in by_robot.items():
+        first = next(iter(own.values()))
+        cells = [
+            f"{float(own[p]['return']):.0f}, {100 * float(own[p]['up']):.0f} %"
+            if p in own and own[p]["episodes"]
+            else "cannot act"
+            for p in policies
+        ]
+        result.add_row(escape(robot), first["mass"], str(first["joints"]), *cells)
+    return result
+
+
+def findings(rows: list[dict[str, Any]]) -> list[str]:
+    """Say on how many robots each policy earns more than each other, and how many stay up."""
+    earned = dict[str, dict[str, float]]()
+    up = dict[str, list[float]]()
+    for row in rows:
+        if row["episodes"]:
+            earned.setdefault(row["policy"], {})[row["robot"]] = float(row["return"])
+            up.setdefault(row["policy"], []).append(float(row["up"]))
+    found = [
+        f"{policy}: {100 * np.mean(shares):.1f} % of the episodes without a fall, on "
+        f"{len(shares)} robots."
+        for policy, shares in up.items()
+    ]
+    for one in earned:
+        for other in earned:
+            both = earned[one].keys() & earned[other].keys()
+            if other.startswith("zero, ") and one != other and both:
+                more = sum(earned[one][robot] > earned[other][robot] for robot in both)
+                found.append(f"{one} earns more than {other} on {more} of {len(both)} robots.")
+    return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line."""
+    work = partial(run, console=Console())
+    return run_command("eval.transfer", TransferConfig, work, arguments, __doc__)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

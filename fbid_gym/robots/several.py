@@ -1,0 +1,38 @@
+"""A list of robots, as users write it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.robots.built_in import ROBOTS, load
+from fbid_gym.robots.robot import Robot
+from fbid_gym.robots.source import MENAGERIE
+from fbid_gym.robots.zoo import ZOO, drawn
+
+
+def several(robots: Any) -> tuple[Robot, ...]:
+    """Return the robots of a list.
+
+    Args:
+        robots: each a `Robot`, the name of a built-in one, "menagerie:NAME", the path of a file, or
+            "zoo:quadruped:0-63" for as many drawn ones, see `fbid_gym.robots.zoo`; or one of these.
+
+    Raises:
+        FbidError: an empty list, or one that holds something else.
+    """
+    listed = [robots] if isinstance(robots, str | Path | Robot) else robots
+    if not isinstance(listed, Sequence) or not listed:
+        raise InvalidValueError("robots", robots, "a list of at least one robot")
+    return tuple(robot for given in listed for robot in _meant(given))
+
+
+def _meant(given: Any) -> tuple[Robot, ...]:
+    if isinstance(given, Robot):
+        return (given,)
+    if not isinstance(given, str | Path):
+        raise InvalidValueError("robots", given, "names, paths of files, or Robots")
+    name = str(given)
+    if name.startswith(ZOO):
+        return tuple(map(load, drawn(name)))
+    return (load(name) if name in ROBOTS or name.startswith(MENAGERIE) else Robot.load(given),)
