@@ -86,7 +86,8 @@ def _played(player: Player, config: TransferConfig, console: Console) -> Episode
         return play_player(player, config.episodes, config.seed)
     except FbidError as reason:
         robot = "" if player.robot is None else f" on {player.robot.name}"
-        console.print(f"{player.name}{robot}: {reason}", markup=False, highlight=False)
+        sentence = f"{player.name}{robot}: {reason}"
+        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
         return None
 
 

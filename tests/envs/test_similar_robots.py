@@ -28,13 +28,14 @@ STEPS = 4
 
 
 def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list[np.ndarray]:
-    """Postures, torques and rewards of two robots, in units of those of size 1."""
+    """Postures, torques, rewards and the body's view of two robots, in units of those of size 1."""
     base, time = ENVIRONMENTS[f"fbid_gym/{env}-v0"], np.sqrt(size)
     robot = similar(name, size)
     rates = {"physics_hz": 1000, "control_hz": 500, "policy_hz": 50}
     own = {
         "robot": robot,
         "action_layer": layer,
+        "observation": "body",
         **{rate: round(base.get(rate, default) / time) for rate, default in rates.items()},
         "velocity_noise": 0.0,
         "episode_seconds": 4.0 * time,
@@ -51,7 +52,7 @@ def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list
         qpos = batch.simulation.qpos.copy()
         qpos[:, :3] /= size
         torque = step.info["torque_rms"] / robot.torque_limit.mean()
-        seen.append((qpos, torque[:, None], step.reward[:, None]))
+        seen.append((qpos, torque[:, None], step.reward[:, None], step.observation))
     return [np.array(values) for values in zip(*seen, strict=True)]
 
 
