@@ -26,7 +26,8 @@ from train.episodes import Episodes
 from train.progress import progress
 from train.runs.tables import to_csv
 
-COLUMNS = ("robot", "mass", "joints", "feet", "policy", "episodes", "return", "up", "velocity_error")
+ROBOT = ("robot", "mass", "joints", "feet")
+COLUMNS = (*ROBOT, "policy", "episodes", "return", "up", "velocity_error")
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def run(config: TransferConfig, console: Console) -> None:
 
 
 def _players(config: TransferConfig, env_args: dict[str, Any], robot: Robot) -> list[Player]:
-    """The policies on a robot, each followed by the zero action of its environment if that is new."""
+    """The policies on a robot, each followed by the zero action of its layer."""
     found = list[Player]()
     for source in config.sources:
         player = load_player(source, env_args, robot)

@@ -89,16 +89,16 @@ LINES = {
     "actions": 2580,
     "control": 4720,
     "dynamics": 1650,
-    "envs": 3361,
+    "envs": 3450,
     "estimation": 1784,
     "motions": 3685,
     "policy": 590,
-    "robots": 5300,
-    "runtime": 1900,
-    "tasks": 2210,
+    "robots": 5695,
+    "runtime": 1905,
+    "tasks": 2290,
 }
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_100
+TEST_LINES = 29_250
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}

@@ -21,6 +21,7 @@ from fbid_gym import make_sb3
 from fbid_gym.errors import RunError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot
 from train import checkpoint, replay
 from train.algorithms import ALGORITHMS
 from train.environments import make_envs
@@ -33,7 +34,7 @@ from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, continued, open_run
-from train.runs.robots import chosen, check_trainable, is_built_in, with_robot, with_robots
+from train.runs.robots import check_trainable, chosen, is_built_in, with_robot, with_robots
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
 from train.tensorboard import TensorBoardLog
@@ -71,7 +72,8 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
             )
         )
         # Whoever makes the environments may have brought a robot, too.
-        trained_on = getattr(robots, "robots", () if robot is None else (robot,))
+        brought = () if robot is None else (robot,)
+        trained_on: tuple[Robot, ...] = getattr(robots, "robots", brought)
         check_trainable(trained_on)
         if len(trained_on) == 1:
             robot = trained_on[0].as_loaded

@@ -9,7 +9,6 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from fbid_gym.robots import zoo
 from eval.zero_actions.measures import Row, noise, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
@@ -19,7 +18,7 @@ from fbid_gym.estimation import PRESETS
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, Whole
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from fbid_gym.robots.terrain import LEVELLED
 from train.runs.robots import chosen, is_built_in
 
@@ -166,7 +165,7 @@ TABLES = {
         seconds=6.0,
     ),
     "zoo": Table(
-        "robots that nobody has seen, drawn from seeds (`fbid_gym.robots.zoo`), standing and walking",
+        "robots that nobody has seen, drawn from seeds, standing and walking",
         tuple(map(str, range(24))),
         tuple(LAYERS),
         {"task": {"stand": {"env": None, "task": "balance"}, "walk": {}}},

@@ -1,4 +1,4 @@
-"""A batch of environments in chunks, of one robot or of several, which threads step side by side."""
+"""A batch of environments in chunks, each of one robot, which threads step side by side."""
 
 import ctypes
 import json

@@ -6,14 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.quantities import RobotState
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from tests.actions.cases import at_rest, home_of, layer_of, torque_of
 from tests.batches import started
 

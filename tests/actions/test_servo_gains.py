@@ -5,13 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.actions.joint_gains import JointGains, missing_damping, sampled_growth
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.verdict import survival
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from fbid_gym.robots.built_in import GO1, asset_path
 from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of

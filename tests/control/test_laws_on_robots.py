@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from fbid_gym.robots import zoo
 from eval.papers.mistry2010.force_feedback import (
     Equation,
     estimated_force,
@@ -17,7 +16,7 @@ from fbid_gym import robots
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 
 ROBOTS = ("biped", "quadruped")
 

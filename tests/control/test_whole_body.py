@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from fbid_gym.robots import zoo
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
@@ -26,7 +25,7 @@ from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from fbid_gym.robots.built_in import QUADRUPED
 from fbid_gym.robots.drives import TorqueLine
 from tests import postures

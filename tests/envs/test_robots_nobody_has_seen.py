@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.envs.verdict import survival
+from fbid_gym.robots import zoo
 from tests.batches import started
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can

@@ -34,7 +34,9 @@ def test_several_robots_do_as_each_does_alone() -> None:
         alone = gym.make_vec(ENV, num_envs=count, robot=name, **without_robot())
         alone.reset(seed=5 + first)
         for action, *expected in rows:
-            for got, value in zip(alone.step(action[first : first + count])[:4], expected, strict=True):
+            for got, value in zip(
+                alone.step(action[first : first + count])[:4], expected, strict=True
+            ):
                 np.testing.assert_array_equal(got, value[first : first + count])
         alone.close()
     envs.close()

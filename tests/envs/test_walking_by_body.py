@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.robots import zoo
 from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED

@@ -5,14 +5,13 @@ import functools
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import Crawl, CrawlGait, MotionTable, crawl, gait_for
 from fbid_gym.motions.gait.schedule import corners_of
-from fbid_gym.robots import ROBOTS, load
+from fbid_gym.robots import ROBOTS, load, zoo
 from tests.robots.similar import moved, similar
 
 

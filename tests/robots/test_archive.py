@@ -10,9 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.errors import FbidError, InvalidValueError, RobotError
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import Robot, load, zoo
 from tests.robots.test_copies import same
 from tests.robots.test_source_urdf import urdf
 

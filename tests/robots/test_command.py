@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fbid_gym.robots import zoo
 from fbid_gym.envs import verdict as verdicts
-from fbid_gym.robots import load
+from fbid_gym.robots import load, zoo
 from fbid_gym.robots.__main__ import main
 from fbid_gym.robots.built_in import asset_path
 from fbid_gym.robots.home_check import CONTROL_HZ

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from fbid_gym.robots import zoo
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load, zoo
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 
 ANIMAL = zoo.draw(26)  # of no actuators
 TOML = """

@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.home_check import friction_of_feet
 
 ANIMAL = next(

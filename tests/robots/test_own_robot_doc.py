@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fbid_gym.robots import zoo
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from tests.robots.test_source_urdf import urdf
 
 DOC = (Path(__file__).parents[2] / "docs" / "own_robot.md").read_text()

@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.errors import InvalidValueError, RobotError
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from tests.robots.test_source_urdf import urdf
 
 ANIMAL = zoo.draw(22)

@@ -4,9 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
 from tests.robots.test_source_urdf import urdf

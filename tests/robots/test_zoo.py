@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import zoo
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, zoo
 from tests.pairs import pairs
 
 SEEDS = range(26, 38)  # all numbers of legs and joints, all feet and actuators

@@ -12,12 +12,11 @@ import pytest
 
 import eval.rollout
 import train.ppo
-from fbid_gym.robots import zoo
 from eval.compare import main as compare
 from fbid_gym import make_sb3
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.policy import Policy
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import Robot, load, zoo
 from train.runs.config import EvaluationConfig, TrainConfig
 from train.runs.reading import load as load_run
 from train.runs.robots import of_policy

@@ -37,7 +37,9 @@ def _build(config: TrainConfig, env: VecNormalize) -> SAC:
     assert isinstance(own, SACConfig)
     if is_for_robots(config):  # its actor would see what only a critic may
         given = config.make_args()["observation"]
-        raise InvalidValueError("observation for sac", given, '"full" or "body"; or --algorithm ppo')
+        raise InvalidValueError(
+            "observation for sac", given, '"full" or "body"; or --algorithm ppo'
+        )
     (actions,) = env.action_space.shape or ()
     learner = SAC(
         "MlpPolicy",
