@@ -197,6 +197,19 @@ def p_value(x: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> float:
     return float(test.pvalue)
 
 
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Correct p-values for their number: Holm 1979, "A simple sequentially rejective procedure".
+
+    Each is at most as small as the chance that any of them is, were there no effect at all.
+    """
+    order = np.argsort(p_values)
+    factors = np.arange(len(p_values), 0, -1)
+    corrected = np.empty(len(p_values))
+    ranked = np.minimum(np.array(p_values, float)[order] * factors, 1.0)
+    corrected[order] = np.maximum.accumulate(ranked)
+    return corrected.tolist()
+
+
 def coverage_ceiling(seeds: int) -> float:
     """Largest possible chance that a percentile bootstrap interval holds the true median.
 

@@ -19,6 +19,7 @@ from fbid_gym.options import Whole, check_fields
 from train.command import run_command
 from train.runs.cluster import cluster
 from train.runs.config import cores
+from train.runs.endpoints import register
 from train.runs.files import check_folder
 from train.runs.jobs import Job, Start, run_jobs, start_here
 from train.runs.study import Cell, Study, check_cells, read_study
@@ -70,9 +71,10 @@ def main(config: SweepConfig) -> int:
     check_cells(study)
     not_done, failed = list[Job](), frozenset[str]()
     if not config.dry_run:
-        check_folder(study.cells[0].config.folder.parent, "out")
+        check_folder(study.runs, "out")
+        register(study.name, study.runs, study.endpoints)
         jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
-        with _machines(config.ray, study.cells[0].config.folder.parent) as (start, most):
+        with _machines(config.ray, study.runs) as (start, most):
             at_once = config.workers or most
             try:
                 not_done = run_jobs(jobs, at_once, console, keep_going=True, start=start)

@@ -25,6 +25,7 @@ from eval.study.results import (
     MEASURES,
     RETURN,
     Across,
+    Answer,
     ArmFound,
     CellFound,
     Findings,
@@ -83,7 +84,41 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
         _across(found, references, chance),
         [*_changed(study), *origin_warnings([made_with(its) for its in versions]), *outdated],
         versions[0] if versions else {},
+        _answers(study, found, chance),
     )
+
+
+def _answers(study: Study, found: Sequence[ArmFound], chance: Chance) -> list[Answer]:
+    """Return what came of the endpoints of which both arms are done; p is corrected for all."""
+    arms_by_name = {(arm.env_id, arm.name): arm for arm in found}
+    answers = []
+    for asked in study.endpoints:
+        pair = [arms_by_name[asked.env, name] for name in (asked.arm, asked.against)]
+        measure = next(measure for measure in MEASURES if measure.name == asked.measure)
+        sides = [arm.fresh.each if arm.fresh else {} for arm in pair]
+        fresh_of_both = all(_has(side, measure) for side in sides)
+        if not fresh_of_both:
+            sides = [arm.each for arm in pair]
+        if not all(arm.done and _has(side, measure) for arm, side in zip(pair, sides, strict=True)):
+            continue
+        x, y = (np.array(side[measure.name]) for side in sides)
+        answers.append(
+            Answer(
+                asked.env,
+                asked.arm,
+                asked.against,
+                measure,
+                fresh_of_both,
+                (float(x.mean()), float(y.mean())),
+                st.difference(x, y, chance),
+                p := st.p_value(x, y, chance.rng),
+                p,
+            )
+        )
+    # Those that are not known yet count, too: with p = 1.
+    unknown = [1.0] * (len(study.endpoints) - len(answers))
+    corrected = st.holm([answer.p_value for answer in answers] + unknown)
+    return [replace(each, corrected=p) for each, p in zip(answers, corrected, strict=False)]
 
 
 def checked_reference(study: Study, reference: str | None) -> str:

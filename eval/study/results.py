@@ -45,7 +45,11 @@ class Measure(Metric):
 RETURN = Measure("return_mean", "return", "", 1)
 ERROR = Measure("velocity_error", "velocity error", "m/s", -1)
 FALLS = Measure("falls", "falls", "share", -1)
-MEASURES = (RETURN, ERROR, FALLS, Measure("cost_of_transport", "cost of transport", "", -1))
+MEASURES = (
+    *(RETURN, ERROR, Measure("turning_error", "yaw rate error", "rad/s", -1)),
+    *(Measure("slip", "foot slip", "m/s", -1), FALLS),
+    Measure("cost_of_transport", "cost of transport", "", -1),
+)
 CURVES = (RETURN, ERROR)
 """What is drawn over steps and time."""
 JUDGED = (RETURN, ERROR, FALLS)
@@ -168,6 +172,26 @@ class Across:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What came of an endpoint."""
+
+    env_id: str
+    arm: str
+    against: str
+    measure: Measure
+    fresh: bool
+    """Whether it is of fresh episodes; else of the last evaluations."""
+    means: tuple[float, float]
+    """Over the runs of the arm, and of that which it is set against."""
+    difference: Estimate
+    """Of the interquartile means, the arm's less the other's."""
+    p_value: float
+    """Of the two-sided Mann-Whitney permutation test."""
+    corrected: float
+    """The same, corrected for the number of endpoints by Holm's method."""
+
+
+@dataclass(frozen=True)
 class Findings:
     """All that the page says but clips and robustness."""
 
@@ -180,6 +204,8 @@ class Findings:
     warnings: list[str]
     versions: dict[str, Any]
     """Of the first run that there is."""
+    answers: list[Answer] = field(default_factory=list)
+    """To the endpoints, once both arms have trainings that are done."""
 
     def environments(self) -> dict[str, list[ArmFound]]:
         """Return the arms by environment."""

@@ -7,6 +7,11 @@
     runs = "mine"                            # folder of the runs, beside the file; else runs/NAME
     eval = { every = 250_000 }               # any setting of a recipe, for every arm
 
+    [[endpoints]]                            # at most three; none can change once runs have begun
+    measure = "return_mean"                  # or velocity_error, turning_error, slip, falls, ...
+    arm = "home"
+    against = "gait"
+
     [[arms]]
     name = "home"                            # once in each environment
     env = "fbid_gym/QuadrupedWalk-v0"
@@ -32,6 +37,7 @@ from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from train.recipes import SETTINGS, check, config_for, merged, valid_settings
 from train.runs.config import ALGORITHMS, SEED, TrainConfig
 from train.runs.differences import in_words, run_differences
+from train.runs.endpoints import Endpoint, check_registered, endpoints
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.opening import continued
@@ -75,6 +81,7 @@ class Study:
         reference: name of the arm that the others are compared with.
         page: of docs/, without its ending, that its tables go to.
         cells: the trainings, seed by seed: what has been interrupted has some of every arm.
+        endpoints: what it is asked.
     """
 
     name: str
@@ -82,6 +89,12 @@ class Study:
     reference: str
     page: str
     cells: tuple[Cell, ...]
+    endpoints: tuple[Endpoint, ...] = ()
+
+    @property
+    def runs(self) -> Path:
+        """Folder of the runs."""
+        return self.cells[0].config.folder.parent
 
 
 def read_study(path: Path, out: Path | None = None) -> Study:
@@ -106,7 +119,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise RunError(f"{path}: is nested too deeply.") from error
     title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
     reference, page = data.pop("reference", None), data.pop("page", path.stem)
-    runs = data.pop("runs", None)
+    runs, asked = data.pop("runs", None), data.pop("endpoints", [])
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
     check(f"study {path.stem!r}", data, valid_settings())
@@ -124,8 +137,9 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise UnknownOptionError("reference of the study", reference, dict.fromkeys(names))
     if not _is_name(page):
         raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
+    asked = endpoints(path, asked, [(cell.config.env, cell.arm) for cell in cells])
     cells.sort(key=lambda cell: cell.config.seed)
-    return Study(path.stem, str(title), reference, page, tuple(cells))
+    return Study(path.stem, str(title), reference, page, tuple(cells), asked)
 
 
 def arms(study: Study) -> list[Arm]:
@@ -137,11 +151,14 @@ def arms(study: Study) -> list[Arm]:
 
 
 def check_cells(study: Study) -> None:
-    """Check that the run folders are those of the study.
+    """Check that the run folders are those of the study, and that it asks what it asked.
 
     Raises:
-        RunError: one is of another training than the study says, or of a longer one.
+        RunError: one is of another training than the study says, or of a longer one; or they began
+            with other endpoints.
     """
+    begun = any(RunFolder.of(cell.config.folder).config.is_file() for cell in study.cells)
+    check_registered(study.name, study.runs, study.endpoints, begun=begun)
     for cell in study.cells:
         folder = RunFolder.of(cell.config.folder)
         if not folder.config.is_file():

@@ -7,8 +7,10 @@ import pytest
 
 from eval.results import Estimate
 from eval.study.findings import findings
+from eval.study.page import page
 from fbid_gym.errors import FbidError
 from tests.eval.study.small import FEW, STUDY, fill
+from train.runs.endpoints import register
 from train.runs.folder import RunFolder
 from train.runs.study import read_study
 
@@ -94,3 +96,21 @@ def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
     slow, quick = findings(study, FEW).arms
     assert (slow.most, quick.most) == (1000.0, 5000.0)
     assert quick.versus["return_mean"].probability.value == 0.0
+
+
+def test_an_endpoint_is_answered_when_both_arms_are_done(tmp_path):
+    path = tmp_path / "two.toml"
+    asked = '[[endpoints]]\nmeasure = "{}"\narm = "other"\nagainst = "one"\n'
+    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
+    path.write_text(text + asked.format("velocity_error") + asked.format("slip"))
+    study = read_study(path, tmp_path / "out")
+    register(study.name, study.runs, study.endpoints)
+    assert findings(study, FEW).answers == []
+    for cell in study.cells:
+        fill(cell, 10.0, 0.1 if cell.arm == "other" else 0.2)
+    found = findings(study, FEW)
+    (answer,) = found.answers  # of slip there is no column
+    assert answer.means == pytest.approx((0.1, 0.2)) and not answer.fresh
+    assert answer.difference.value == pytest.approx(-0.1)
+    assert answer.corrected == pytest.approx(2 * answer.p_value) == pytest.approx(2 / 3)
+    assert "What was asked" in page(found)

@@ -16,6 +16,7 @@ from fbid_gym.errors import FbidError, RunError
 from train import sweep
 from train.recipes import config_for
 from train.runs.command_line import command, parse
+from train.runs.endpoints import register
 from train.runs.opening import open_run
 from train.runs.study import check_cells, read_study
 from train.runs.training import training_job
@@ -208,3 +209,39 @@ def test_a_folder_of_another_training_is_not_taken_for_done(tmp_path):
         run.begin()
     with pytest.raises(RunError, match="is not what the study says: it says seed"):
         check_cells(study)
+
+
+ENDPOINT = '[[endpoints]]\nmeasure = "falls"\narm = "a"\nagainst = "b"\n'
+
+
+def test_what_a_study_is_asked_cannot_change_once_it_has_begun(tmp_path):
+    """Nor can it be asked something then; before, and about fewer steps of the same, it can."""
+    asked = read_study(write(tmp_path, ENDPOINT + ARM + SECOND), tmp_path / "out")
+    assert [each.env for each in asked.endpoints] == [WALK]
+    register(asked.name, asked.runs, asked.endpoints)
+    check_cells(asked)
+    for other in (ENDPOINT.replace("falls", "slip"), ENDPOINT * 2, ""):
+        with pytest.raises(RunError, match="began with other endpoints"):
+            check_cells(read_study(write(tmp_path, other + ARM + SECOND), tmp_path / "out"))
+    late = read_study(write(tmp_path, ENDPOINT + ARM + SECOND), tmp_path / "late")
+    check_cells(late)
+    folder = late.cells[0].config.folder
+    folder.mkdir(parents=True)
+    (folder / "config.json").write_text("{}")
+    with pytest.raises(RunError, match="began without endpoints"):
+        check_cells(late)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (ENDPOINT * 4, "has 4 endpoints. Expected 3 at most"),
+        (ENDPOINT.replace("falls", "luck"), "'luck'.*return_mean"),
+        (ENDPOINT.replace('"b"', '"c"'), "'c'.*a, b"),
+        (ENDPOINT.replace('arm = "a"', ""), "endpoint without arm"),
+        ("endpoints = 3\n", "no list of tables"),
+    ],
+)
+def test_what_is_wrong_with_an_endpoint_is_said(text, message, tmp_path):
+    with pytest.raises(FbidError, match=message):
+        read_study(write(tmp_path, text + ARM + SECOND))
