@@ -91,6 +91,7 @@ def _check_counters(state: Mapping[str, Any]) -> None:
     whole = {
         "steps": (state["steps"], _MANY),
         "updates": (state["updates"], _MANY),
+        "falls": (counters["falls"], _MANY),
         "rng_numpy.pos": (numpy_state["pos"], _WORDS),
         "rng_numpy.has_gauss": (numpy_state["has_gauss"], 1),
         **{f"bytes.{name}": (counters["bytes"][name], _MANY) for name in _TABLES},

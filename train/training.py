@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import VectorEnv
@@ -126,15 +127,15 @@ class _Training:
         self.algorithm = ALGORITHMS[config.algorithm]
         columns = {"progress": (*PROGRESS, *self.algorithm.metrics), "evaluations": EVALUATIONS}
         # Resets the robots and prepares the buffers; a checkpoint then replaces their state.
-        _, self.callback = learner._setup_learn(config.total_steps)
+        _, self.callback = learner._setup_learn(config.total_steps, self._count_falls)
         assert isinstance(self.callback, BaseCallback)
-        self.seconds, self.best_return = 0.0, -math.inf
+        self.seconds, self.best_return, self.falls = 0.0, -math.inf, 0
         tables = {"progress": folder.progress, "evaluations": folder.evaluations}
         sizes: dict[str, int] = {}
         self.replay_files: list[replay.File] = []
         if run.resumes:
             counters = checkpoint.restore(folder.checkpoint, config.algorithm, learner)
-            self.seconds = counters["wall_seconds"]
+            self.seconds, self.falls = counters["wall_seconds"], counters["falls"]
             if counters["best_return"] is not None:
                 self.best_return = counters["best_return"]
             sizes = counters["bytes"]
@@ -221,6 +222,7 @@ class _Training:
             "steps": self.steps,
             "wall_seconds": round(self.seconds, 3),
             "fps": round(self.config.iteration_steps / seconds, 1),
+            "falls": self.falls,
             "return_mean": _mean([float(e["r"]) for e in episodes]),
             "length_mean": _mean([float(e["l"]) for e in episodes]),
             **{name: float(metrics.get(name, math.nan)) for name in self.algorithm.metrics},
@@ -230,6 +232,12 @@ class _Training:
             curve.append("train", row)
         told = f"{_episodes(row)}, {row['fps']:.0f} steps/s"
         self.tell(self.steps, self.config.total_steps, told)
+
+    def _count_falls(self, told: dict[str, Any], rest: dict[str, Any]) -> bool:
+        """Count the episodes that end by themselves; called after each step of all robots."""
+        ended = np.flatnonzero(told["dones"])
+        self.falls += sum(not told["infos"][robot].get("TimeLimit.truncated") for robot in ended)
+        return True
 
     def evaluate(self) -> None:
         """Evaluate the exported policy, not the learner, so that the stored policy is measured."""
@@ -271,6 +279,7 @@ class _Training:
             self.learner,
             {
                 "wall_seconds": self.seconds,
+                "falls": self.falls,
                 "best_return": self.best_return if math.isfinite(self.best_return) else None,
                 "bytes": {"progress": self.progress.size, "evaluations": self.evaluations.size},
                 "replay": self.replay_files,

@@ -15,7 +15,7 @@ from eval.comparable import origin_warnings
 from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.statistics import Chance
 from eval.study import fresh
-from eval.study.cells import columns
+from eval.study.cells import columns, fallen
 from eval.study.fresh import Falls
 from eval.study.results import (
     CURVES,
@@ -143,6 +143,7 @@ def _cell(cell: Cell) -> CellFound:
         where.note,
         table["steps"].tolist() if table else [],
         table.get("wall_seconds", table["steps"] * np.nan).tolist() if table else [],
+        fallen(cell.config, table["steps"]).tolist() if table else [],
         {measure.name: measure.of(table).tolist() for measure in MEASURES} if table else {},
         command(cell.config),
     )
@@ -157,6 +158,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
     known = [measure for measure in MEASURES if _has(each, measure)]
     first = arm.cells[0].config
     timed = settings.thresholds if ERROR in known else ()
+    known_falls = all(np.isfinite(cell.fallen).all() for cell in counted)
     return ArmFound(
         arm.env,
         arm.name,
@@ -172,6 +174,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
         {m.name: _band(counted, "wall", m, chance) for m in CURVES if m in known},
         [_crossing(counted, "steps", value, settings, chance) for value in timed],
         [_crossing(counted, "wall", value, settings, chance) for value in timed],
+        [_crossing(counted, "fallen", value, settings, chance) for value in timed if known_falls],
     )
 
 

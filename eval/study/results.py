@@ -73,6 +73,8 @@ class CellFound:
     """Of its evaluations."""
     wall: list[float]
     """Likewise, s."""
+    fallen: list[float]
+    """Likewise: falls in training by then; NaN where they were not counted."""
     curves: dict[str, list[float]]
     """By measure."""
     command: str
@@ -139,6 +141,8 @@ class ArmFound:
     steps_to: list[Crossing]
     """For each threshold; empty where no velocity is commanded."""
     wall_to: list[Crossing]
+    falls_to: list[Crossing]
+    """Falls in training before it; empty where they were not counted."""
     versus: dict[str, Versus] = field(default_factory=dict)
     """By measure; empty for the reference and where either has no cell that is done."""
     fresh: Fresh | None = None

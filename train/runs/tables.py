@@ -10,8 +10,8 @@ from typing import Any
 from fbid_gym.errors import RunError
 from fbid_gym.reading import MOST_DATA, read_file
 
-PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean")
-"""Columns of `progress.csv`; those of the learner follow."""
+PROGRESS = ("steps", "wall_seconds", "fps", "falls", "return_mean", "length_mean")
+"""Columns of `progress.csv`; those of the learner follow. Falls are all since the beginning."""
 
 EVALUATIONS = (
     "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",

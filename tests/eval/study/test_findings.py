@@ -45,6 +45,12 @@ def test_thresholds_are_reached_by_who_stays_up(study):
         [inf] * 2,
     ]
     assert arm.wall_to[0].each == [9.0, 9.0]
+    assert arm.falls_to == []  # they were not counted
+    for cell in (first, second):
+        table = RunFolder.of(cell.config.folder).progress
+        table.write_text("steps,falls,return_mean\n500,40,1\n1000,60,2\n")
+    counted = findings(study, settings).arms[0].falls_to
+    assert [one.each for one in counted[:2]] == [[60, 60], [60, 60]]
     lenient = findings(study, replace(settings, survival=0.5)).arms[0]
     assert [one.each for one in lenient.steps_to[:2]] == [[0, 0], [0, 1000]]
     assert lenient.steps_to[2].each[0] == pytest.approx(500.0)
