@@ -86,6 +86,11 @@ class BaseAcceleration(LawLayer):
         names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
         return scaled_names(names, self.scale, "m/s^2", "rad/s^2")
 
+    @property
+    def per_acceleration(self) -> np.ndarray:
+        """Action for each m/s^2 of the body ahead and to the left, (2,)."""
+        return 1.0 / self.scale[:2]
+
     def torque(
         self,
         action: np.ndarray,

@@ -128,6 +128,11 @@ class ComWrench(LawLayer):
         names += [f"moment {axis} about the centre of mass, heading" for axis in axes]
         return scaled_names(names, self.scale, "N", "N·m")
 
+    @property
+    def per_acceleration(self) -> np.ndarray:
+        """Action for each m/s^2 of the body ahead and to the left, (2,)."""
+        return self.law.robot.mass / self.scale[:2]
+
     def torque(
         self,
         action: np.ndarray,
