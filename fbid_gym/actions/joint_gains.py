@@ -23,7 +23,7 @@ SERVO = "servo"
 _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED, _FIRM = 0.5, 0.4, 2.5
 _FELT = 0.1  # of the controller's damping
-_LEAST_RATIO = 0.1  # of the damping, where ankles are to yield
+_LEAST_RATIO = 0.2  # of the damping, where ankles are to yield
 _USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
 
 LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
@@ -215,7 +215,7 @@ def greatest_share(steady: Callable[[float], bool]) -> float:
 
 
 def damped_enough(stiffness: np.ndarray, damping: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Return stiffness (n,), as much of it as is damped with a tenth of the critical damping.
+    """Return stiffness (n,), as much of it as is damped with a fifth of the critical damping.
 
     Ankles can be as stiff as the body above asks for, but in the air they carry a light foot, which
     sampling lets damp by little. Where a pendulum's force balances the body, they need not be.

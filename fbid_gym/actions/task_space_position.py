@@ -40,6 +40,7 @@ from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import add_transposed_times
 
 _TINY = 1e-12  # keeps the direction of a body that points up or down defined
+_ROUNDING = 1e-7  # of a growth of one
 
 
 class Reach(NamedTuple):
@@ -267,19 +268,23 @@ def _stiffness(
 ) -> np.ndarray:
     """Return that of a foot's rows, as great as the joints' damping and sampling allow."""
     stance, rows = Stance.of(robot), 6 if robot.has_soles else 3
-    inertia = np.repeat([1.0, float(stance.home_com[2]) ** 2], 3)[:rows]
+    tilting, turning = float(stance.home_com[2]) ** 2, stance.terms.mass_matrix[0, 5, 5]
+    inertia = np.array([1.0, 1.0, 1.0, tilting, tilting, turning / robot.mass])[:rows]
     inertia *= robot.mass / robot.num_feet
     jacobians = stance.terms.foot_jacobian[0, :, :rows, 6:] * stance.legs[:, None]
     wanted = inertia * (2.0 * np.pi * joints.natural_frequency) ** 2
-    # A foot's damping along each row while nothing hinders it along the others; the least counts.
-    yields = np.einsum("frj,j,frj->fr", jacobians, 1.0 / joints.damping, jacobians)
-    damping = 1.0 / np.maximum(yields.max(axis=0), 1e-12)
+    # The damping of each row that the joints' is while the foot goes along it and nowhere else.
+    yields = np.einsum("frj,j,fsj->frs", jacobians, 1.0 / joints.damping, jacobians)
+    damping = np.diagonal(np.linalg.pinv(yields), axis1=1, axis2=2).min(axis=0)
     most = damped_enough(wanted, damping, inertia)
-    most = np.repeat(most.reshape(-1, 3).min(axis=1), 3)
+    for alike in (slice(0, 3), slice(3, 5)):  # in the world's axes, whichever way the robot faces
+        most[alike] = most[alike].min(initial=np.inf)
     others = np.diag(held.stiffness)
 
     def steady(share: float) -> bool:
         pulled = np.einsum("frj,r,frk->jk", jacobians, share * most, jacobians) + others
-        return sampled_growth(robot, pulled, joints.damping, control_hz, loop_delay) < 1.0
+        # With little stiffness joints stay nearly where they are: rounding is not to count.
+        grown = sampled_growth(robot, pulled, joints.damping, control_hz, loop_delay)
+        return grown < 1.0 + _ROUNDING
 
     return min(1.0, greatest_share(steady)) * most
