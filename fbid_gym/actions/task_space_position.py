@@ -276,7 +276,7 @@ def _stiffness(
     # The damping of each row that the joints' is while the foot goes along it and nowhere else.
     yields = np.einsum("frj,j,fsj->frs", jacobians, 1.0 / joints.damping, jacobians)
     damping = np.diagonal(np.linalg.pinv(yields), axis1=1, axis2=2).min(axis=0)
-    most = damped_enough(wanted, damping, inertia)
+    most = damped_enough(wanted, damping, inertia) if robot.has_soles else wanted
     for alike in (slice(0, 3), slice(3, 5)):  # in the world's axes, whichever way the robot faces
         most[alike] = most[alike].min(initial=np.inf)
     others = np.diag(held.stiffness)

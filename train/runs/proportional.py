@@ -30,39 +30,52 @@ _LACK = "velocity {} short of the command (m/s)"
 _BOUND = 1e6  # of what the policy sees, m/s: beyond any
 
 
-def proportional(env_id: str, env_args: Mapping[str, Any], gain: float) -> Policy:
-    """Return the law as a policy, a network of one linear layer.
+def matrix_of(batch: EnvBatch, gain: float) -> np.ndarray:
+    """Return the law of environments as a matrix (A, O), from observations to actions.
 
     Args:
-        env_id: of an environment of this package, or of a user's own task.
-        env_args: its arguments; the action layer among them.
+        batch: the environments.
         gain: K, 1/s: m/s^2 that are asked of the body for each m/s that it is short of.
 
     Raises:
-        FbidError: nothing is commanded there, or the layer moves no body.
+        InvalidValueError: nothing is commanded there, or the layer moves no body.
     """
-    gain = GAIN.check("gain of the proportional law", gain)
-    given = {**registered(env_id).kwargs, **env_args}
-    config = EnvConfig.of({name: value for name, value in given.items() if name not in AROUND})
-    batch = EnvBatch(config, 1)
     names = batch.observation_names
     lacks = [_LACK.format(way) for way in ("ahead", "to the left")]
     if not set(lacks) <= set(names):
         expected = "one that commands velocities and observes its own, such as QuadrupedWalk-v0"
-        raise InvalidValueError("environment of a proportional law", env_id, expected)
+        raise InvalidValueError("task of a proportional law", batch.config.task, expected)
     # A layer of the user's need not say.
     entries = getattr(batch.layer, "per_acceleration", None)
     if entries is None:
-        expected = "a layer whose action moves the body, such as base_acceleration"
-        raise InvalidValueError("action layer of a proportional law", config.action_layer, expected)
-    law = np.zeros((len(batch.action_names), len(names)))
+        expected = "one whose action moves the body, such as base_acceleration"
+        raise InvalidValueError("layer of a proportional law", batch.config.action_layer, expected)
+    matrix = np.zeros((len(batch.action_names), len(names)))
     for row, lack in enumerate(lacks):
-        law[row, names.index(lack)] = gain * entries[row]
+        matrix[row, names.index(lack)] = gain * entries[row]
+    return matrix
+
+
+def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Policy:
+    """Return the law as a policy, a network of one linear layer.
+
+    Args:
+        env_id: of an environment of this package, or of a user's own task.
+        make_args: its arguments; the action layer among them.
+        gain: K, 1/s.
+
+    Raises:
+        FbidError: such an environment cannot be made, or as `matrix_of`.
+    """
+    gain = GAIN.check("gain of a proportional law", gain)
+    given = {**registered(env_id).kwargs, **make_args}
+    config = EnvConfig.of({name: value for name, value in given.items() if name not in AROUND})
+    law = matrix_of(EnvBatch(config, 1), gain)
     return Policy(
         env_id=env_id,
-        env_args=dict(env_args),
-        mean=np.zeros(len(names)),
-        variance=np.ones(len(names)),
+        env_args=dict(make_args),
+        mean=np.zeros(law.shape[1]),
+        variance=np.ones(law.shape[1]),
         weights=(law,),
         biases=(np.zeros(len(law)),),
         clip=_BOUND,
@@ -75,11 +88,11 @@ def gain_of(name: str) -> float:
     """Return the gain of a law `proportional:GAIN`; InvalidValueError for another name."""
     text = name.removeprefix(PREFIX)
     try:
-        return GAIN.check("gain of the proportional law", float(text))
+        return GAIN.check("gain of a proportional law", float(text))
     except ValueError as error:
         if text == name:
             raise InvalidValueError("policy", name, f"{PREFIX}GAIN, such as {PREFIX}24") from error
-        raise InvalidValueError("gain of the proportional law", text, GAIN.words) from error
+        raise InvalidValueError("gain of a proportional law", text, GAIN.words) from error
 
 
 def named(path: Path) -> Policy | None:
