@@ -3,6 +3,8 @@ r"""Play a policy, or the zero action, for many episodes and print what the robo
 python -m eval.rollout runs/my_run --episodes 50 --video out.mp4
 python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_acceleration \
     --zero-action --episodes 100 --env-args '{"push_force": [100, 100]}'
+python -m eval.rollout --env fbid_gym/QuadrupedWalk-v0 --action-layer base_acceleration \
+    --policy proportional:24
 """
 
 import sys
@@ -32,6 +34,7 @@ from train.environments import make_env, make_envs, parse_env_args, register, st
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
 from train.runs.environment import changed_meaning, load_policy
+from train.runs.proportional import gain_of, proportional
 from train.runs.reading import Run
 from train.runs.robots import another, chosen, named, of_policy
 from train.runs.tables import to_csv
@@ -149,11 +152,14 @@ class RolloutConfig:
     """Play a policy, or the zero action, for many episodes and print what the robot did."""
 
     source: Annotated[Path | None, tyro.conf.Positional] = None
-    """Run folder, exported policy or `shipped:NAME`."""
+    """Run folder, exported policy, `shipped:NAME`, or `proportional:GAIN/ENVIRONMENT/LAYER`."""
     env: str | None = None
-    """Environment id, with --zero-action."""
+    """Environment id, with --zero-action or --policy."""
     action_layer: str | None = None
-    """Action layer, with --zero-action."""
+    """Action layer, with --zero-action or --policy."""
+    policy: str | None = None
+    """Without learning: `proportional:GAIN` asks the body for GAIN (1/s) times what its horizontal
+    velocity is short of the command, through the action layer."""
     robot: str | None = None
     """Instead of the environment's or the policy's: a built-in robot, or your own: an MJCF, a URDF,
     a robot.toml or a robot.zip."""
@@ -192,7 +198,10 @@ def player_of(config: RolloutConfig) -> Player:
             (config.env, config.action_layer),
             "neither beside a policy, which brings its own",
         )
-    if not config.zero_action:
+    if config.policy is not None and (config.zero_action or config.source is not None):
+        raise InvalidValueError("--policy", config.policy, "none beside another policy")
+    gain = None if config.policy is None else gain_of(config.policy)
+    if not config.zero_action and gain is None:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
         return load_player(config.source, env_args, robot)
@@ -200,12 +209,17 @@ def player_of(config: RolloutConfig) -> Player:
         trained = load_player(config.source, env_args, robot)
         return replace(trained, name=f"{trained.name}, zero action", policy=None)
     if config.env is None:
-        raise InvalidValueError("--env", None, "an environment id, with --zero-action")
+        expected = "an environment id, with --zero-action or --policy"
+        raise InvalidValueError("--env", None, expected)
     if config.action_layer is not None:
         env_args["action_layer"] = config.action_layer
     if robot is not None:
         env_args["robot"] = named(robot)
-    return Player("zero action", config.env, env_args, None, robot)
+    player = Player("zero action", config.env, env_args, None, robot)
+    if gain is None:
+        return player
+    policy = proportional(player.env_id, player.make_args, gain)
+    return replace(player, name=policy.source, policy=replace(policy, env_args=env_args))
 
 
 def _warnings(config: RolloutConfig, player: Player) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import tyro
 
 from eval.zero_actions.measures import Row, noise, walk
-from fbid_gym.actions import LAYERS
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, InvalidValueError
@@ -46,8 +46,10 @@ SENSORS: dict[str, dict[str, Any]] = {
     "perfect": {},
     **{name: {"sensors": name} for name in PRESETS},
     "mems, 5 ms": {"sensors": "mems", **_LATE},
+    "mems, 5 ms, told": {"sensors": "mems", **_LATE, "told": {"loop_delay": 0.005}},
 }
-"""Sensors, and with the delay of the loop from the state that a layer sees to its torque."""
+"""Sensors, and with the delay of the loop from the state that a layer sees to its torque; told, to
+the layers that can be."""
 
 MOTORS: dict[str, dict[str, Any]] = {
     "ideal": {},
@@ -58,6 +60,10 @@ MOTORS: dict[str, dict[str, Any]] = {
 """Motors, and the delay of the loop from the state that a layer sees to its torque."""
 
 
+GAINS = {f"{gain:g}": {"gain": gain} for gain in (0.0, 6.0, 12.0, 24.0, 48.0)}
+"""Of the proportional law, 1/s; 0 is the zero action."""
+
+
 class Table(NamedTuple):
     """A table: the product of robots, layers and factors, which the command line can change."""
 
@@ -66,7 +72,8 @@ class Table(NamedTuple):
     layers: tuple[str, ...]
     factors: Mapping[str, Mapping[str, Mapping[str, Any]]]
     """Name of a factor -> its values, in words -> what they are for the environment; "push" in
-    weights of the robot."""
+    weights of the robot, "gain" of the proportional law; "told" options of the
+    layers that have them, without the rows of others."""
     names: tuple[str, ...]
     """Columns that say what is measured; those of SHARED follow."""
     numbers: tuple[str, ...]
@@ -163,6 +170,20 @@ TABLES = {
         compared=True,
         episodes=64,
         seconds=6.0,
+    ),
+    "proportional": Table(
+        "one gain and no learning: the body is asked for gain (1/s) x velocity that it is short of",
+        ("go1", "biped"),
+        (*_BODY, "task_space_position"),
+        {"pushes": {"none": {}, "0.4 weights": {"push": 0.4}}, "gain": GAINS},
+        ("robot", "layer", "pushes", "gain"),
+        (*_UP, "return", "velocity_error", "yaw_rate_error"),
+        rows=("robot", "layer", "pushes"),
+        across="gain",
+        error="velocity_error",
+        compared=True,
+        seconds=8.0,
+        without=("push",),
     ),
     "zoo": Table(
         "robots that nobody has seen, drawn from seeds, standing and walking",
@@ -297,14 +318,19 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
         own = {key: value for _, level in levels for key, value in level.items()}
         names = dict(zip(table.factors, (value for value, _ in levels), strict=True))
         push = own.pop("push", 0.0) * robot.weight or config.push
+        gain, told = own.pop("gain", 0.0), own.pop("told", {})
         try:
-            walks.append((names, environment(robot, own) | run | {"push_force": (push, push)}))
+            arguments = environment(robot, own) | run | {"push_force": (push, push)}
+            walks.append((names, arguments, gain, told))
         except FbidError as error:  # its feet have not this gait, or none
             refused = error
     if refused and not walks:
         raise refused
-    for layer, (names, arguments) in product(layers, walks):
-        measure = partial(walk, {**arguments, "action_layer": layer}, count, config.seed)
+    for layer, (names, arguments, gain, told) in product(layers, walks):
+        if not told.keys() <= layer_options(layer).keys():
+            continue
+        its_own = arguments | {"action_layer": layer} | ({"layer_options": told} if told else {})
+        measure = partial(walk, its_own, count, config.seed, gain)
         yield Case({**its, "layer": layer, **names, **cells}, measure)
 
 

@@ -11,6 +11,7 @@ from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
+from fbid_gym.actions.task_space_position import TaskSpacePosition
 from fbid_gym.actions.torque import Torque
 from fbid_gym.checks import check_choices
 from fbid_gym.motions.target import MotionKind
@@ -30,6 +31,7 @@ __all__ = [
 LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "torque": Torque.of,
     "joint_position": JointPosition.of,
+    "task_space_position": TaskSpacePosition.of,
     "joint_position_feedforward": JointPositionFeedforward.of,
     "joint_acceleration": JointAcceleration.of,
     "base_acceleration": BaseAcceleration.of,

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
+from fbid_gym.actions.gains import (
+    BODY_DEFAULTS,
+    PRIORITY_ACTION,
+    BodyOptions,
+    meant,
+    set_priority,
+)
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.control.body_law import stabilise
@@ -43,12 +49,14 @@ class BaseAcceleration(LawLayer):
         scale: (6,) m/s^2 and rad/s^2 at action 1.
         contact: what it assumes of contacts.
         moment_priority: of the law.
+        priority_action: whether the action changes it.
     """
 
     law: Law
     scale: np.ndarray
     contact: ContactOptions
     moment_priority: float
+    priority_action: bool
 
     @classmethod
     def of(
@@ -72,7 +80,8 @@ class BaseAcceleration(LawLayer):
         assumed, priority = contact.on(robot, kind), body.priority(robot, kind)
         law = Law.of(robot, control_hz, assumed, body.gains(robot, kind), priority)
         scale = action_scale(robot, Stance.of(robot), assumed.coefficient)
-        return cls(law, scale, assumed, priority)
+        body.check_priority_action(law.limited)
+        return cls(law, scale, assumed, priority, body.priority_action)
 
     @property
     def meant(self) -> Mapping[str, Any]:
@@ -81,10 +90,16 @@ class BaseAcceleration(LawLayer):
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """Six accelerations of the base."""
+        """Six accelerations of the base, and the priority if it is one."""
         names = [f"base acceleration {axis}, heading" for axis in ("ahead", "to the left", "up")]
         names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
-        return scaled_names(names, self.scale, "m/s^2", "rad/s^2")
+        more = (PRIORITY_ACTION,) if self.priority_action else ()
+        return (*scaled_names(names, self.scale, "m/s^2", "rad/s^2"), *more)
+
+    @property
+    def per_acceleration(self) -> np.ndarray:
+        """Action for each m/s^2 of the body ahead and to the left, (2,)."""
+        return 1.0 / self.scale[:2]
 
     def torque(
         self,
@@ -96,14 +111,15 @@ class BaseAcceleration(LawLayer):
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        command = stabilise(self.law.constants, self.scale * action, state, target, known)
+        set_priority(action, memory)
+        command = stabilise(self.law.constants, self.scale * action[:, :6], state, target, known)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
         self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
     ) -> np.ndarray:
         """Return the acceleration that it asks of the body, (N, 3) m/s^2, world."""
-        command = stabilise(self.law.constants, self.scale * action, state, target, terms)
+        command = stabilise(self.law.constants, self.scale * action[:, :6], state, target, terms)
         return command.body[:, :3]
 
 

@@ -8,7 +8,13 @@ import numpy as np
 
 from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
+from fbid_gym.actions.gains import (
+    BODY_DEFAULTS,
+    PRIORITY_ACTION,
+    BodyOptions,
+    meant,
+    set_priority,
+)
 from fbid_gym.actions.law import Law, LawLayer, no_lighter
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
@@ -69,6 +75,7 @@ class ComWrench(LawLayer):
         contact: what it assumes of contacts.
         moment_priority: of the law.
         meant: name of an option that may be None -> what it means.
+        priority_action: whether the action changes the priority.
     """
 
     law: Law | BalanceLaw
@@ -76,6 +83,7 @@ class ComWrench(LawLayer):
     contact: ContactOptions
     moment_priority: float
     meant: Mapping[str, Any]
+    priority_action: bool
 
     @classmethod
     @checked
@@ -105,6 +113,8 @@ class ComWrench(LawLayer):
         """
         assumed = contact.on(robot, kind)
         scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
+        limited = assumed.limits(robot) is not None
+        body.check_priority_action(limited and balancer == _INVERSE_DYNAMICS)
         if balancer != _INVERSE_DYNAMICS:
             priority = 1.0 if body.moment_priority is None else body.moment_priority
             hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
@@ -115,18 +125,24 @@ class ComWrench(LawLayer):
                 *(robot, control_hz, assumed, BALANCERS[balancer], gains, priority, scale)
             )
             told = {f"{part}_frequency": value for part, value in hertz.items()}
-            return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio})
+            return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio}, False)
         held, priority = body.gains(robot, kind), body.priority(robot, kind)
         law = Law.of(robot, control_hz, assumed, held, priority)
-        return cls(law, scale, assumed, priority, meant(held))
+        return cls(law, scale, assumed, priority, meant(held), body.priority_action)
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """Six components of the wrench at the centre of mass."""
+        """Six components of the wrench at the centre of mass, and the priority if it is one."""
         axes = ("ahead", "to the left", "up")
         names = [f"force {axis} at the centre of mass, heading" for axis in axes]
         names += [f"moment {axis} about the centre of mass, heading" for axis in axes]
-        return scaled_names(names, self.scale, "N", "N·m")
+        more = (PRIORITY_ACTION,) if self.priority_action else ()
+        return (*scaled_names(names, self.scale, "N", "N·m"), *more)
+
+    @property
+    def per_acceleration(self) -> np.ndarray:
+        """Action for each m/s^2 of the body ahead and to the left, (2,)."""
+        return self.law.robot.mass / self.scale[:2]
 
     def torque(
         self,
@@ -140,7 +156,8 @@ class ComWrench(LawLayer):
         known = terms()
         if isinstance(self.law, BalanceLaw):
             return self.law.torque(action, state, target, known, memory)
-        command = _push(self.law.constants, self.scale * action, state, target, known)
+        set_priority(action, memory)
+        command = _push(self.law.constants, self.scale * action[:, :6], state, target, known)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
@@ -149,7 +166,7 @@ class ComWrench(LawLayer):
         """Return the acceleration that it asks of the body, (N, 3) m/s^2, world."""
         if isinstance(self.law, BalanceLaw):
             return self.law.desired(action, state, target, terms)
-        push = self.scale * action
+        push = self.scale * action[:, :6]
         added = np.concatenate([push[:, :3] / self.law.robot.mass, 0.0 * push[:, 3:]], axis=1)
         return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
 

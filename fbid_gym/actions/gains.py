@@ -9,7 +9,7 @@ from fbid_gym.actions.ranges import DampingRatio, Falling, Priority, Response, i
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number, check_fields
-from fbid_gym.quantities import BodyGains
+from fbid_gym.quantities import BodyGains, Memory
 from fbid_gym.robots import Robot
 
 PARTS = ("balance", "height", "rotation", "posture", "swing")
@@ -17,6 +17,11 @@ PARTS = ("balance", "height", "rotation", "posture", "swing")
 
 JOINTS_FIRST = 1e-3
 """Base priority of layers that command joints: where feet do not allow both, the base yields."""
+
+PRIORITY_ACTION = "priority of the moment (x 4 at 1, / 4 at -1)"
+"""Name of the entry of an action that changes it."""
+
+_PRIORITY_RANGE = 4.0
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
 
@@ -82,6 +87,10 @@ class BodyOptions:
     """On point feet, by how much more small errors of the horizontal velocity are damped, in units
     of the rate at which the robot falls; a gait's own damping is 4. Errors greater than 0.03 of
     sqrt(gravity times height) count as that much. Not for the papers' balancers."""
+    priority_action: bool = False
+    """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
+    by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
+    contact forces."""
 
     def __post_init__(self) -> None:
         """Check them."""
@@ -117,6 +126,12 @@ class BodyOptions:
             gains = gains._replace(**{part: float(stiffness), f"{part}_damping": float(damping)})
         return gains
 
+    def check_priority_action(self, possible: bool) -> None:
+        """Raise InvalidValueError where the action shall change a priority that nothing has."""
+        if self.priority_action and not possible:
+            expected = 'False, or contact_limits "friction" and balancer "inverse_dynamics"'
+            raise InvalidValueError("priority_action", True, expected)
+
     def priority(self, robot: Robot, kind: MotionKind) -> float:
         """Return the weight of moments beside forces that they ask for."""
         default = default_moment_priority(robot, kind)
@@ -124,6 +139,13 @@ class BodyOptions:
 
 
 BODY_DEFAULTS = BodyOptions()
+
+
+def set_priority(action: np.ndarray, memory: Memory) -> None:
+    """Have the law weigh moments as the seventh entry of actions (N, A), if any, asks for."""
+    if action.shape[1] > 6:
+        # Errors are squared.
+        memory["priority"][:] = _PRIORITY_RANGE ** (0.5 * action[:, 6])
 
 
 def meant(gains: BodyGains) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Joint PD controllers: gains from a response of the home stance, or those of a file's servos."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.options import Number
 from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
 
@@ -20,6 +23,11 @@ SERVO = "servo"
 _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED, _FIRM = 0.5, 0.4, 2.5
 _FELT = 0.1  # of the controller's damping
+_LEAST_RATIO = 0.2  # of the damping, where ankles are to yield
+_USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
+
+LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
+"""Of gains: more would leave of them next to nothing."""
 
 
 class JointGains(NamedTuple):
@@ -29,6 +37,8 @@ class JointGains(NamedTuple):
     air it moves far less, a foot above all. So both are limited: joint by joint to the dead-beat
     gains of what it moves in the air, with which one joint comes to rest in two ticks; and together
     to three quarters of those limits with which the robot in the air would begin to oscillate.
+    With a delay of the loop, the tick that these limits are of is longer by twice the delay: the
+    age of a torque while it acts is half a tick, and the delay.
 
     Attributes:
         stiffness: (n,) N·m/rad.
@@ -43,13 +53,13 @@ class JointGains(NamedTuple):
     natural_frequency: float
 
     @classmethod
-    def of_servos(cls, robot: Robot, control_hz: int) -> "JointGains":
+    def of_servos(cls, robot: Robot, control_hz: int, loop_delay: float = 0.0) -> "JointGains":
         """Take the gains of the file's servos.
 
         Raises:
             InvalidValueError: see `servo_fault`.
         """
-        servos, fault = robot.servo_gains, servo_fault(robot, control_hz)
+        servos, fault = robot.servo_gains, servo_fault(robot, control_hz, loop_delay)
         if servos is None or fault:
             raise InvalidValueError("natural_frequency", SERVO, f"a number in Hz: {fault}")
         none = np.zeros(robot.num_joints)
@@ -62,6 +72,7 @@ class JointGains(NamedTuple):
         control_hz: int,
         natural_frequency: float | Falling,
         damping_ratio: float,
+        loop_delay: float = 0.0,
     ) -> "JointGains":
         """Derive the gains.
 
@@ -70,6 +81,7 @@ class JointGains(NamedTuple):
             control_hz: control ticks per second.
             natural_frequency: f in Hz, or in units of falling.
             damping_ratio: zeta.
+            loop_delay: s from the state to the torque that answers it.
 
         Raises:
             InvalidValueError: beyond what any joint can be held with.
@@ -78,14 +90,15 @@ class JointGains(NamedTuple):
         inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * frequency
         damping, none = 2.0 * damping_ratio * omega * inertia, np.zeros(robot.num_joints)
         wanted = cls(inertia * omega**2, damping, none, float(frequency))
-        gains = _steady(robot, control_hz, wanted)
+        gains = _steady(robot, control_hz, wanted, loop_delay)
         if np.all(gains.stiffness < wanted.stiffness):
             most = np.sqrt((gains.stiffness / inertia).max()) / (2.0 * np.pi)
+            late = f" and {loop_delay:g} s of delay" if loop_delay else ""
             raise InvalidValueError(
                 "natural_frequency",
                 frequency,
-                f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, no joint "
-                f"of {robot.name} can be held so firmly without oscillating in the air",
+                f"at most {most:.3g} Hz at {control_hz} control ticks per second{late}: beyond, no "
+                f"joint of {robot.name} can be held so firmly without oscillating in the air",
             )
         return gains
 
@@ -118,7 +131,7 @@ def feedback(
     return torque
 
 
-def servo_fault(robot: Robot, control_hz: int) -> str:
+def servo_fault(robot: Robot, control_hz: int, loop_delay: float = 0.0) -> str:
     """Say why the gains of the file's servos do not serve; an empty string if they do.
 
     They do where they hold every joint and let every mode decay in the air, sampled, with the help
@@ -128,8 +141,9 @@ def servo_fault(robot: Robot, control_hz: int) -> str:
     if servos is None or not np.all(servos.stiffness > 0.0):
         return f"{robot.name} came without position servos on all joints"
     damping = servos.damping + robot.joint_damping
-    if sampled_growth(robot, servos.stiffness, damping, control_hz) >= 1.0:
-        return f"sampled at {control_hz} Hz, the servos of {robot.name} oscillate in the air"
+    if sampled_growth(robot, servos.stiffness, damping, control_hz, loop_delay) >= 1.0:
+        late = f" {loop_delay:g} s late" if loop_delay else ""
+        return f"sampled at {control_hz} Hz{late}, the servos of {robot.name} oscillate in the air"
     return ""
 
 
@@ -167,27 +181,55 @@ def missing_damping(gains: JointGains) -> float:
     return _CALMED * lacking if lacking > _MOSTLY * wanted else 0.0
 
 
-def _steady(robot: Robot, control_hz: int, wanted: JointGains) -> JointGains:
+def _steady(robot: Robot, control_hz: int, wanted: JointGains, loop_delay: float) -> JointGains:
     """Limit gains, see `JointGains`."""
     # One joint of inertia I, sampled every T, comes to rest in two ticks with K_P = I / T^2 and
     # K_D = 1.5 I / T.
-    most = control_hz / np.diag(_mobility(robot))
+    rate = control_hz / (1.0 + 2.0 * loop_delay * control_hz)
+    most = rate / np.diag(_mobility(robot))
 
     def limited(share: float) -> JointGains:
-        stiffness = np.minimum(wanted.stiffness, share * control_hz * most)
+        stiffness = np.minimum(wanted.stiffness, share * rate * most)
         return wanted._replace(
             stiffness=stiffness, damping=np.minimum(wanted.damping, 1.5 * share * most)
         )
 
+    def steady(share: float) -> bool:
+        gains = limited(share)
+        growth = sampled_growth(robot, gains.stiffness, gains.damping, control_hz, loop_delay)
+        return growth < 1.0
+
+    return limited(greatest_share(steady))
+
+
+def greatest_share(steady: Callable[[float], bool]) -> float:
+    """Return three quarters of the greatest share of gains, up to 4/3, that is steady."""
     low, high = 0.0, 1.0 / _NEAR_GROWTH
     while high - low > 1e-3:
         middle = 0.5 * (low + high)
-        gains = limited(middle)
-        if sampled_growth(robot, gains.stiffness, gains.damping, control_hz) < 1.0:
+        if steady(middle):
             low = middle
         else:
             high = middle
-    return limited(_NEAR_GROWTH * low)
+    return _NEAR_GROWTH * low
+
+
+def damped_enough(stiffness: np.ndarray, damping: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Return stiffness (n,), as much of it as is damped with a fifth of the critical damping.
+
+    Ankles can be as stiff as the body above asks for, but in the air they carry a light foot, which
+    sampling lets damp by little. Where a pendulum's force balances the body, they need not be.
+    """
+    most: np.ndarray = damping**2 / (4.0 * _LEAST_RATIO**2 * inertia)
+    return np.minimum(stiffness, most)
+
+
+def default_frequency(kind: MotionKind, robot: Robot) -> Falling:
+    """Return the natural frequency of joints unless told otherwise.
+
+    On soles a gait balances by its centre of pressure: stiff legs fight it.
+    """
+    return _WALKING_ON_SOLES if kind.gait and robot.has_soles else _USUAL
 
 
 def _mobility(robot: Robot) -> np.ndarray:
@@ -210,26 +252,37 @@ def holding_torque(robot: Robot) -> np.ndarray:
 
 
 def sampled_growth(
-    robot: Robot, stiffness: np.ndarray, damping: np.ndarray, control_hz: int
+    robot: Robot,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    control_hz: int,
+    loop_delay: float = 0.0,
 ) -> float:
     """Return how much a joint PD controller's motion grows from tick to tick, at worst.
 
     The robot hangs in the air in its home posture, and torques are held for a tick: the spectral
-    radius of that linear system, below 1 if every mode decays.
+    radius of that linear system, below 1 if every mode decays. Torques that wait are part of its
+    state; one that arrives within a tick acts as the mean of the old and the new one.
 
     Args:
         robot: the robot.
-        stiffness: (n,) N·m/rad.
+        stiffness: (n,) N·m/rad, or a matrix (n, n).
         damping: (n,) N·m·s/rad.
         control_hz: control ticks per second.
+        loop_delay: s from the state to the torque that answers it.
     """
-    mobility = _mobility(robot)
-    tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
-    stiff, damp = mobility * stiffness, mobility * damping
-    step = np.block(
-        [
-            [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],
-            [-tick * stiff, one - tick * damp],
-        ]
-    )
+    mobility, tick, size = _mobility(robot), 1.0 / control_hz, robot.num_joints
+    ticks = round(loop_delay * control_hz, 6)
+    whole, waiting = int(ticks), int(np.ceil(ticks))
+    width = (2 + waiting) * size
+    none = np.zeros((size, waiting * size))
+    # Accelerations that are asked for now, and were one, two, ... ticks ago, of the state.
+    stiff = mobility * stiffness if stiffness.ndim == 1 else mobility @ stiffness
+    asked = [np.hstack([-stiff, -mobility * damping, none])]
+    asked += [np.eye(size, width, (2 + age) * size) for age in range(waiting)]
+    rest = ticks - whole
+    acting = (1.0 - rest) * asked[whole] + rest * asked[min(whole + 1, waiting)]
+    place = np.eye(size, width) + tick * np.eye(size, width, size) + tick**2 / 2 * acting
+    rate = np.eye(size, width, size) + tick * acting
+    step = np.vstack([place, rate, *asked[:waiting]])
     return float(np.abs(np.linalg.eigvals(step)).max())

@@ -65,7 +65,7 @@ class JointMotion:
         Raises:
             RobotError: on a gait, a foot has no joints of its own to place it.
         """
-        return cls(_legs_of(robot, gains, aware, calm) if kind.gait else None)
+        return cls(legs_of(robot, gains, aware, calm) if kind.gait else None)
 
     def target(self, state: RobotState, target: Target, terms: DynamicsTerms) -> Target:
         """Return the target with what base and joints shall do for it."""
@@ -109,14 +109,14 @@ class LegJoints(NamedTuple):
     calm: float
 
 
-def _legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoints:
+def legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoints:
     """Return the legs of a robot; arguments as of `JointMotion.of`."""
     stance = Stance.of(robot)
     for foot, own in zip(robot.foot_names, stance.legs, strict=True):
         if own.sum() < 3:
             raise RobotError(
                 f"Foot {foot!r} of {robot.name!r} hangs from {own.sum()} joints of its own. "
-                "Expected at least three to follow a gait with the joints."
+                "Expected at least three to place it by the joints."
             )
     low, high = robot.joint_range.T
     # Layers that know the dynamics answer errors of velocity by themselves. On soles the velocity
@@ -140,7 +140,7 @@ def _legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoi
     )
 
 
-class _Motion(NamedTuple):
+class WayLeft(NamedTuple):
     """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers.
 
     Attributes:
@@ -171,13 +171,13 @@ def _find_joints(
     feet, most = legs.own.shape
     rows = legs.rows
     found = _Found(state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size)))
-    body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
-    as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
-    led = _Motion(np.zeros(6), body.rate, body.acceleration)
-    left = _room(rows)
-    jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), _room(most)
+    body = WayLeft(np.zeros(6), np.zeros(6), np.zeros(6))
+    as_is = WayLeft(np.zeros(6), np.empty(6), body.acceleration)
+    led = WayLeft(np.zeros(6), body.rate, body.acceleration)
+    left = room_for(rows)
+    jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), room_for(most)
     for i in range(count):
-        _see_body(legs, target, terms, body, i)
+        see_body(legs, target, terms, body, i)
         for k in range(6):
             as_is.rate[k] = state.qvel[i, k]
         for k in range(3):
@@ -190,10 +190,10 @@ def _find_joints(
                 for k in range(most):
                     there = own[k] >= 0
                     jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + own[k]] if there else 0.0
-            _lead(legs, body, as_is, target.load[i, foot], led)
+            lead_foot(legs, body, as_is, target.load[i, foot], led)
             seen = as_is if legs.aware and not target.planted[i, foot] else led
-            _see_foot(target, terms, seen, left, i, foot)
-            _solve_leg(jacobian, lower, left, moves)
+            see_foot(target, terms, seen, left, i, foot)
+            solve_leg(jacobian, lower, left, moves)
             for k in range(most):
                 j = own[k]
                 if j >= 0:
@@ -205,11 +205,11 @@ def _find_joints(
 
 
 @compiled
-def _see_body(
+def see_body(
     legs: LegJoints,
     target: Target,
     terms: DynamicsTerms,
-    body: _Motion,
+    body: WayLeft,
     i: int,
 ) -> None:
     """Write how the base is off, and how it is to move."""
@@ -228,7 +228,7 @@ def _see_body(
 
 
 @compiled
-def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Motion) -> None:
+def lead_foot(legs: LegJoints, body: WayLeft, as_is: WayLeft, load: float, led: WayLeft) -> None:
     """Write how the base is off for a foot: with what it bears, also by the error of velocity.
 
     The joints' stiffness makes a force of it. Their damping would, too, but it also acts on a foot
@@ -246,8 +246,8 @@ def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Mot
 
 
 @compiled
-def _see_foot(
-    target: Target, terms: DynamicsTerms, body: _Motion, left: _Motion, i: int, foot: int
+def see_foot(
+    target: Target, terms: DynamicsTerms, body: WayLeft, left: WayLeft, i: int, foot: int
 ) -> None:
     """Write what of a foot's motion is left to its joints, beside that of the body."""
     rows = len(left.gap)
@@ -269,13 +269,13 @@ def _see_foot(
 
 
 @compiled
-def _room(size: int) -> _Motion:
+def room_for(size: int) -> WayLeft:
     """Return a motion that is yet to be written."""
-    return _Motion(np.empty(size), np.empty(size), np.empty(size))
+    return WayLeft(np.empty(size), np.empty(size), np.empty(size))
 
 
 @compiled
-def _solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: _Motion, moves: _Motion) -> None:
+def solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: WayLeft, moves: WayLeft) -> None:
     """Find what joints move a foot like that; damped.
 
     Args:

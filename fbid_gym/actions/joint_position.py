@@ -10,6 +10,9 @@ from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
     SERVO,
     JointGains,
+    LoopDelay,
+    damped_enough,
+    default_frequency,
     fed_drag,
     feedback,
     holding_torque,
@@ -18,14 +21,15 @@ from fbid_gym.actions.joint_gains import (
     servos_carry,
 )
 from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, TargetScale
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind, home_target
 from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
-_FREQUENCY = Falling(3.4)
 _DAMPING_RATIO = 1.0
 
 
@@ -38,6 +42,7 @@ class JointPosition:
         motion: of the joints that are followed.
         home: the home posture, followed instead; None where it is not.
         hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
+        carries: as which the legs carry the robot instead; None where `hold` does.
         gains: of the joints.
         scale: rad (m for slides) at action 1.
     """
@@ -46,6 +51,7 @@ class JointPosition:
     motion: JointMotion
     home: Target | None
     hold: np.ndarray
+    carries: Pendulum | None
     gains: JointGains
     scale: float
 
@@ -61,6 +67,8 @@ class JointPosition:
         natural_frequency: Annotated[float | str, Hertz(also=(SERVO,))] | None = None,
         damping_ratio: DampingRatio = _DAMPING_RATIO,
         scale: TargetScale = 0.3,
+        pendulum: bool | None = None,
+        loop_delay: LoopDelay = 0.0,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
 
@@ -73,27 +81,47 @@ class JointPosition:
             reference: "gait", the task's target is followed; or "home", the home posture is.
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they are steady at `control_hz` and 2.5 times as stiff as what carries
-                the robot on half of its feet; else 3.4 times that at which it falls, see `Falling`.
-                Stiffer joints take harder pushes untrained, but turn exploration noise into falls.
+                the robot on half of its feet; else 3.4 times that at which it falls, see `Falling`,
+                carried as a pendulum on soles 2.5 times. Stiffer joints take harder pushes
+                untrained, but turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
+            pendulum: whether legs carry the weight along the line from the gait's centre of
+                pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
+                the home stance. Default: on soles, where a gait is followed.
+            loop_delay: s from the state to the torque that answers it, for which gains are steady.
 
         Raises:
-            InvalidValueError: out of range, or beyond what any joint can be held with.
+            InvalidValueError: out of range, beyond what any joint can be held with, or a pendulum
+                where no gait is followed.
         """
-        gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
         at_home = reference == "home"
         followed = kind._replace(gait=kind.gait and not at_home)
+        if pendulum and not followed.gait:
+            raise InvalidValueError("pendulum", pendulum, "False or None where no gait is followed")
+        falls = followed.gait and robot.has_soles if pendulum is None else pendulum
+        usual = default_frequency(kind._replace(gait=falls), robot)
+        asked = natural_frequency, damping_ratio
+        gains = _gains(robot, control_hz, asked, usual, loop_delay)
+        if falls and robot.has_soles:
+            inertia = Stance.of(robot).standing_inertia
+            gains = gains._replace(stiffness=damped_enough(*gains[:2], inertia))
         motion = JointMotion.of(
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
-        home = home_target(robot) if at_home else None
-        return cls(robot, motion, home, holding_torque(robot), fed_drag(robot, gains), scale)
+        home, hold = home_target(robot) if at_home else None, holding_torque(robot)
+        carries = Pendulum.of(robot, kind.omega, hold, links=False) if falls else None
+        return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale)
 
     @property
     def natural_frequency(self) -> float | str:
         """Hz, of the response that the gains give; or "servo"."""
         return self.gains.natural_frequency if np.isfinite(self.gains.natural_frequency) else SERVO
+
+    @property
+    def pendulum(self) -> bool:
+        """Whether its legs carry the robot as a pendulum."""
+        return self.carries is not None
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -118,24 +146,28 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        followed = self.home
+        followed, hold = self.home, self.hold
         if followed is None:
             followed = self.motion.target(state, target, terms())
+        if self.carries is not None:
+            hold = carry(self.carries, target, terms())
         rest = np.zeros((1, len(self.hold)))
-        return self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
+        return hold + feedback(self.gains, self.scale * action, rest, state, followed)
 
 
 def _gains(
-    robot: Robot, control_hz: int, natural_frequency: Any, damping_ratio: float
+    robot: Robot, control_hz: int, asked: tuple[Any, float], usual: Falling, loop_delay: float
 ) -> JointGains:
-    carried = natural_frequency is None and servos_carry(robot)
-    if carried and not servo_fault(robot, control_hz):
-        natural_frequency = SERVO
-    if natural_frequency == SERVO:
+    """Return gains of a frequency and a damping ratio that are asked for."""
+    frequency, damping_ratio = asked
+    carried = frequency is None and servos_carry(robot)
+    if carried and not servo_fault(robot, control_hz, loop_delay):
+        frequency = SERVO
+    if frequency == SERVO:
         if damping_ratio != _DAMPING_RATIO:
             expected = f"{_DAMPING_RATIO:g} beside the gains of the file's servos, which have their"
             expected += " own damping; or a natural_frequency in Hz"
             raise InvalidValueError("damping_ratio", damping_ratio, expected)
-        return JointGains.of_servos(robot, control_hz)
-    frequency = _FREQUENCY if natural_frequency is None else natural_frequency
-    return JointGains.of(robot, control_hz, frequency, damping_ratio)
+        return JointGains.of_servos(robot, control_hz, loop_delay)
+    frequency = usual if frequency is None else frequency
+    return JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)

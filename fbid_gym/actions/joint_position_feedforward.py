@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
-from fbid_gym.actions.joint_gains import JointGains, feedback
+from fbid_gym.actions.joint_gains import JointGains, LoopDelay, feedback
 from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.ranges import DampingRatio, Falling, Frequency, Hertz, TargetScale, in_hertz
@@ -72,6 +72,7 @@ class JointPositionFeedforward(LawLayer):
             float | Falling | tuple[float, float], Hertz(least=0.0, gains=True)
         ]
         | None = None,
+        loop_delay: LoopDelay = 0.0,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointPositionFeedforward":
         """Build the layer.
@@ -88,6 +89,8 @@ class JointPositionFeedforward(LawLayer):
             target_frequency: Hz, at which the offset follows the action.
             balance_frequency: w / (2 pi) in Hz, or a pair, stiffness (1/s^2) and damping (1/s); 0
                 for eq. (18) without balance. Default: that of `fbid_gym.actions.gains`.
+            loop_delay: s from the state to the torque that answers it, for which the gains of the
+                feedback are steady.
             contact: what it assumes of contacts.
 
         Raises:
@@ -111,7 +114,7 @@ class JointPositionFeedforward(LawLayer):
             law=law,
             motion=JointMotion.of(robot, kind, own, aware=True),
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
-            gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio),
+            gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),
             balance=None if balance_frequency == 0.0 else (own.balance, own.balance_damping),
             contact=assumed,
         )

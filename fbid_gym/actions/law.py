@@ -56,6 +56,7 @@ def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Mem
         residual=residual,
         underactuation=underactuation,
         strength=np.ones(num_robots),
+        priority=np.ones(num_robots),
         vertical=np.zeros((num_robots, 4)),
     )._asdict()
     if ramp is not None:

@@ -140,6 +140,7 @@ class LawMemory(NamedTuple):
             and of gravity by which contacts would move.
         underactuation: (N,) directions of the base that the contacts cannot push.
         strength: (N,) share of their torques that the motors are taken to give.
+        priority: (N,) factor on errors of the moment, as the layer has it at this tick.
         vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
     """
 
@@ -147,6 +148,7 @@ class LawMemory(NamedTuple):
     residual: np.ndarray
     underactuation: np.ndarray
     strength: np.ndarray
+    priority: np.ndarray
     vertical: np.ndarray
 
     @classmethod
@@ -171,10 +173,12 @@ def torque_within_limits(
     work = room_to_work(law.limbs, law.geometry, law.mobility)
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
-    torque, start = np.empty((count, size - 6)), np.empty(6)
+    torque, start, nearness = np.empty((count, size - 6)), np.empty(6), np.empty(6)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        _hold(law, state, terms, feet, memory, i, start, work, motion, torque)
+        for k in range(6):
+            nearness[k] = law.nearness[k] * (memory.priority[i] if k > 2 else 1.0)
+        _hold(law, nearness, state, terms, feet, memory, i, start, work, motion, torque)
     give_back(law.passive, torque, state.qpos, state.qvel)
     ask_more(memory.strength, torque)
     return torque
@@ -183,6 +187,7 @@ def torque_within_limits(
 @compiled
 def _hold(
     law: LawConstants,
+    nearness: np.ndarray,
     state: RobotState,
     terms: DynamicsTerms,
     feet: Feet,
@@ -201,7 +206,7 @@ def _hold(
     for times_bound in range(1 + PASSES):
         if times_bound == 0:
             deliver_forces(
-                law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
+                law.geometry, feet, terms, nearness, DEFAULT_ACCURACY, weight, start,
                 memory.warm_start[i], i, work, motion,
             )  # fmt: skip
             copy(missing, missed)
@@ -210,7 +215,7 @@ def _hold(
             work, missed,
         ):  # fmt: skip
             break
-        yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
+        yield_to_limits(law.mobility, nearness, terms, i, work, motion)
         put_together(law.limbs, work, motion)
         joint_torques(terms, i, work, motion, torque[i])
     missed_share = np.sqrt(dot(missed, missed)) / weight

@@ -404,7 +404,7 @@ def _derived(value: Any) -> Any:
     """To nine digits: platforms may sum up a robot's mass in another order. Words stay."""
     if isinstance(value, tuple):
         return [_derived(item) for item in value]
-    return value if isinstance(value, str | None) else float(f"{value:.9g}")
+    return value if isinstance(value, str | bool | None) else float(f"{value:.9g}")
 
 
 def plain(value: Any) -> Any:

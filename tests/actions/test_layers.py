@@ -12,6 +12,7 @@ from tests.pairs import pairs
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
+    ("task_space_position", {"gravity": True}),
     ("joint_position_feedforward", {"contact_limits": "none", "balance_frequency": 0.0}),
     ("joint_position_feedforward", {"contacts": "measured", "contact_ramp": 0.01}),
     ("joint_acceleration", {"contacts": "measured"}),
@@ -24,7 +25,8 @@ every_layer = pytest.mark.parametrize(
     ("name", "options", "robot"), pairs(OPTIONS, ROBOTS), indirect=["robot"]
 )
 FREE = {"contact_limits": "none"}
-FREELY = [(name, {} if name in ("torque", "joint_position") else FREE) for name in LAYERS]
+UNLIMITED = ("torque", "joint_position", "task_space_position")
+FREELY = [(name, {} if name in UNLIMITED else FREE) for name in LAYERS]
 
 
 def holding_torque(robot):
@@ -63,7 +65,9 @@ def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, 
     assert np.abs(expected).max() > 1e-3 * robot.weight
 
 
-@pytest.mark.parametrize(("name", "robot"), pairs([*LAYERS][2:], ROBOTS), indirect=["robot"])
+@pytest.mark.parametrize(
+    ("name", "robot"), pairs([*LAYERS][len(UNLIMITED) :], ROBOTS), indirect=["robot"]
+)
 def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
     """Other torques than the least, because the contact forces are the least: same equilibrium."""
     layer = layer_of(name, robot)

@@ -27,6 +27,7 @@ def walking(robot, layer, count):
         ("quadruped", "joint_position_feedforward"),
         ("go1", "joint_acceleration"),
         ("go1", "joint_position"),
+        ("go1", "task_space_position"),
     ],
 )
 def test_the_zero_action_walks(robot, layer):
@@ -34,6 +35,20 @@ def test_the_zero_action_walks(robot, layer):
     batch, zero = walking(robot, layer, 4)
     for _ in range(batch.num_steps):
         assert not batch.step(zero).terminated.any()
+
+
+@pytest.mark.parametrize("layer", ["joint_position", "task_space_position"])
+def test_ankles_keep_most_bipeds_up(layer):
+    """Without a pendulum's force all fall within three seconds."""
+    up = {}
+    for options in (None, {"pendulum": False}) if layer == "joint_position" else (None,):
+        arguments = {"action_layer": layer, "episode_seconds": 4.0, "layer_options": options}
+        batch = started(ENVIRONMENTS["fbid_gym/BipedWalk-v0"] | arguments, 8)
+        standing, zero = np.ones(8, bool), np.zeros((8, len(batch.action_names)))
+        for _ in range(batch.num_steps):
+            standing &= ~batch.step(zero).terminated
+        up[options is None] = standing.sum()
+    assert up[True] >= 6 and up.get(False, 0) <= 1
 
 
 def test_torques_of_joint_pd_go_through_lift_off():

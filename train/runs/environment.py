@@ -13,7 +13,11 @@ from train.runs.archive import found
 from train.runs.differences import environment_differences, in_words
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
+from train.runs.proportional import named
 from train.runs.robots import of_policy
+
+_BEFORE = {"pendulum": False}
+"""Options of layers that are younger than some policies, as layers were before them."""
 
 
 def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, Any] | None:
@@ -70,7 +74,7 @@ def as_trained(path: Path, env_args: Mapping[str, Any]) -> dict[str, Any]:
         today = _today(path, config).get("layer_options", {})
     except FbidError:  # of an environment that cannot be made; whoever makes it is told
         return arguments
-    was = stored.get("layer_options") or {}
+    was = _BEFORE | (stored.get("layer_options") or {})
     changed = {name: was[name] for name in was.keys() & today.keys() if was[name] != today[name]}
     if changed:
         arguments["layer_options"] = changed | (arguments.get("layer_options") or {})
@@ -82,13 +86,13 @@ def load_policy(path: Path) -> Policy:
 
     Args:
         path: of a run folder, a shipped policy, or an exported one, which does not say what its
-            arguments meant.
+            arguments meant; or the name of a proportional law.
 
     Raises:
         RunError: a file of the run that is not JSON.
         PolicyFileError: the policy cannot be read.
     """
-    policy = Policy.load(found(path))
+    policy = named(path) or Policy.load(found(path))
     return replace(policy, env_args=as_trained(path, policy.env_args))
 
 

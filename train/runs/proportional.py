@@ -1,0 +1,112 @@
+"""A proportional law as a policy: one gain, no learning.
+
+It asks the body for K (commanded velocity - velocity), ahead and to the left, in the units of the
+action layer; the other entries of its actions are zero. It is named where a policy is:
+
+    fbid-gym eval proportional:24/QuadrupedWalk-v0/base_acceleration
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.registered import registered
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Choice, Number
+from fbid_gym.policy import Policy
+from fbid_gym.runtime.config import AROUND, EnvConfig
+
+PREFIX = "proportional:"
+"""What a name begins with; then come the gain, and with a policy's name environment and layer."""
+
+GAIN = Number(0.0, 1e6, "1/s")
+
+_LACK = "velocity {} short of the command (m/s)"
+_BOUND = 1e6  # of what the policy sees, m/s: beyond any
+
+
+def matrix_of(batch: EnvBatch, gain: float) -> np.ndarray:
+    """Return the law of environments as a matrix (A, O), from observations to actions.
+
+    Args:
+        batch: the environments.
+        gain: K, 1/s: m/s^2 that are asked of the body for each m/s that it is short of.
+
+    Raises:
+        InvalidValueError: nothing is commanded there, or the layer moves no body.
+    """
+    names = batch.observation_names
+    lacks = [_LACK.format(way) for way in ("ahead", "to the left")]
+    if not set(lacks) <= set(names):
+        expected = "one that commands velocities and observes its own, such as QuadrupedWalk-v0"
+        raise InvalidValueError("task of a proportional law", batch.config.task, expected)
+    # A layer of the user's need not say.
+    entries = getattr(batch.layer, "per_acceleration", None)
+    if entries is None:
+        expected = "one whose action moves the body, such as base_acceleration"
+        raise InvalidValueError("layer of a proportional law", batch.config.action_layer, expected)
+    matrix = np.zeros((len(batch.action_names), len(names)))
+    for row, lack in enumerate(lacks):
+        matrix[row, names.index(lack)] = gain * entries[row]
+    return matrix
+
+
+def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Policy:
+    """Return the law as a policy, a network of one linear layer.
+
+    Args:
+        env_id: of an environment of this package, or of a user's own task.
+        make_args: its arguments; the action layer among them.
+        gain: K, 1/s.
+
+    Raises:
+        FbidError: such an environment cannot be made, or as `matrix_of`.
+    """
+    gain = GAIN.check("gain of a proportional law", gain)
+    given = {**registered(env_id).kwargs, **make_args}
+    config = EnvConfig.of({name: value for name, value in given.items() if name not in AROUND})
+    law = matrix_of(EnvBatch(config, 1), gain)
+    return Policy(
+        env_id=env_id,
+        env_args=dict(make_args),
+        mean=np.zeros(law.shape[1]),
+        variance=np.ones(law.shape[1]),
+        weights=(law,),
+        biases=(np.zeros(len(law)),),
+        clip=_BOUND,
+        algorithm="proportional",
+        source=f"{PREFIX}{gain:g}",
+    )
+
+
+def gain_of(name: str) -> float:
+    """Return the gain of a law `proportional:GAIN`; InvalidValueError for another name."""
+    text = name.removeprefix(PREFIX)
+    try:
+        return GAIN.check("gain of a proportional law", float(text))
+    except ValueError as error:
+        if text == name:
+            raise InvalidValueError("policy", name, f"{PREFIX}GAIN, such as {PREFIX}24") from error
+        raise InvalidValueError("gain of a proportional law", text, GAIN.words) from error
+
+
+def named(path: Path) -> Policy | None:
+    """Return the law `proportional:GAIN/ENVIRONMENT/LAYER`; None for another path.
+
+    Raises:
+        FbidError: a name that begins so, and ends otherwise.
+    """
+    if not str(path).startswith(PREFIX):
+        return None
+    gain, *rest = path.parts
+    if len(rest) != 2:
+        expected = f"{PREFIX}GAIN/ENVIRONMENT/LAYER, such as {PREFIX}24/QuadrupedWalk-v0/com_wrench"
+        raise InvalidValueError("policy", str(path), expected)
+    env_id = Choice(ENVIRONMENTS, "environment").check("environment", f"fbid_gym/{rest[0]}")
+    layer = Choice(LAYERS, "action layer").check("action layer", rest[1])
+    return proportional(env_id, {"action_layer": layer}, gain_of(gain))
