@@ -171,10 +171,12 @@ def torque_within_limits(
     work = room_to_work(law.limbs, law.geometry, law.mobility)
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
-    torque, start = np.empty((count, size - 6)), np.empty(6)
+    torque, start, nearness = np.empty((count, size - 6)), np.empty(6), np.empty(6)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        _hold(law, state, terms, feet, memory, i, start, work, motion, torque)
+        for k in range(6):
+            nearness[k] = law.nearness[k] * (1.0 if k < 3 else math.sqrt(target.moment[i]))
+        _hold(law, nearness, state, terms, feet, memory, i, start, work, motion, torque)
     give_back(law.passive, torque, state.qpos, state.qvel)
     ask_more(memory.strength, torque)
     return torque
@@ -183,6 +185,7 @@ def torque_within_limits(
 @compiled
 def _hold(
     law: LawConstants,
+    nearness: np.ndarray,
     state: RobotState,
     terms: DynamicsTerms,
     feet: Feet,
@@ -193,7 +196,10 @@ def _hold(
     motion: Motion,
     torque: np.ndarray,
 ) -> None:
-    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
+    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go.
+
+    `nearness` (6,) is the law's, for this robot.
+    """
     weight, past = law.gravity * terms.mass_matrix[i, 0, 0], memory.vertical[i]
     missing, missed = work.forces.point.missing, work.forces.trial.missing
     strength = believed_strength(law.motors, law.gravity, terms, past, i)
@@ -201,7 +207,7 @@ def _hold(
     for times_bound in range(1 + PASSES):
         if times_bound == 0:
             deliver_forces(
-                law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
+                law.geometry, feet, terms, nearness, DEFAULT_ACCURACY, weight, start,
                 memory.warm_start[i], i, work, motion,
             )  # fmt: skip
             copy(missing, missed)
@@ -210,7 +216,7 @@ def _hold(
             work, missed,
         ):  # fmt: skip
             break
-        yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
+        yield_to_limits(law.mobility, nearness, terms, i, work, motion)
         put_together(law.limbs, work, motion)
         joint_torques(terms, i, work, motion, torque[i])
     missed_share = np.sqrt(dot(missed, missed)) / weight
