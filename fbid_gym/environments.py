@@ -19,7 +19,7 @@ _ON_SOLES = {
 }
 
 # Version 1: commands as others train them, pushes three times as strong, loads and ground that laws
-# do not know, and a reward that tells a good answer from a better one. All in the robots' own units.
+# do not know, and a reward that tells a good answer from a better one. All in robots' own units.
 _UNKNOWN = {"payload": (0.0, 0.25), "friction": (0.3, 1.0)}
 _HARDER = {
     "forward_range": (-0.92, 0.92),

@@ -45,7 +45,7 @@ class Randomisation:
     """Plant: (least, most) factor on the motors' lag."""
     payload: Load = (0.0, 0.0)
     """Plant: (least, most) mass that the base carries, as a share of the robot's. It is spread as
-    the base's own, about a place up to a fifth of `Stance.radius` ahead or behind, and beside it."""
+    the base's own; its centre lies up to a fifth of `Stance.radius` ahead or behind, and beside."""
     model_mass: Share = 0.0
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: Offset = 0.0

@@ -1,10 +1,10 @@
 """Haste: how a robot on two soles walks faster than a sole can balance the swing of a leg.
 
-A foot that goes two strides v T by the quintic of `swing.rise`, in the share s of the step's time T
-that it is in the air, is accelerated by up to 5.77 * 2 v / (s^2 T). The moment that the leg's swing
-takes has to come from the sole, which is short, or from the body, which then pitches; and the joints
-have to be strong enough. So steps get no shorter than the leg's joints can swing it, a robot goes no
-faster than that, and its legs bend, to reach farther, no more than its knees can carry.
+A foot that goes two strides v T by the quintic of `swing.rise`, in the share s of the step's time
+T that it is in the air, is accelerated by up to 5.77 * 2 v / (s^2 T). The moment that the leg's
+swing takes has to come from the sole, which is short, or from the body, which then pitches; and the
+joints have to be strong enough. So a step gets no shorter than the joints can swing the leg, a
+robot goes no faster than that, and its legs bend, to reach farther, no more than its knees carry.
 """
 
 import math
