@@ -72,7 +72,7 @@ class Haste(NamedTuple):
         return cls(
             usual=_USUAL * speed,
             fast=_FAST * speed,
-            top=_TOP * speed * min(1.0, _LONGEST / needed),
+            top=_TOP * speed * min(1.0, _LONGEST / max(needed, _LEAST)),
             gather=_GATHER * robot.gravity,
             single=(1.0 - _DOUBLE) * period,
             double=_DOUBLE * period,
