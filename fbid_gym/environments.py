@@ -18,6 +18,36 @@ _ON_SOLES = {
     "push_force": (0.0, 0.0),
 }
 
+# Version 1: commands as others train them, pushes three times as strong, loads and ground that laws
+# do not know, and a reward that tells a good answer from a better one. All in robots' own units.
+_UNKNOWN = {"payload": (0.0, 0.25), "friction": (0.3, 1.0)}
+_HARDER = {
+    "forward_range": (-0.92, 0.92),
+    "sideways_range": (-0.49, 0.49),
+    "turning_range": (-0.2, 0.2),
+    "command_ramp": (0.5, 1.5),
+    "push_weights": (0.0, 1.2),
+    "randomisation": _UNKNOWN,
+    "reward_weights": {
+        "velocity": 0.5,
+        "turning": 0.25,
+        "clock": 0.1,
+        "torque": 0.05,
+        "upright": 0.05,
+    },
+    "reward_scales": {"velocity": 0.06, "turning": 0.03},
+}
+_HARDER_ON_SOLES = {
+    "forward_range": (-0.14, 0.32),
+    "sideways_range": (-0.05, 0.05),
+    "turning_range": (-0.12, 0.12),
+    "command_ramp": (0.5, 1.5),
+    "push_weights": (0.0, 0.4),
+    "randomisation": _UNKNOWN,
+    "reward_weights": _HARDER["reward_weights"],
+    "reward_scales": {"velocity": 0.1, "turning": 0.05},
+}
+
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "fbid_gym/BipedBalance-v0": {"robot": "biped", "task": "balance"},
     "fbid_gym/QuadrupedBalance-v0": {"robot": "quadruped", "task": "balance"},
@@ -46,6 +76,21 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
         "terrain": "mixed",
         **_LIGHT,
         **_ON_SOLES,
+    },
+    "fbid_gym/QuadrupedWalk-v1": {"robot": "go1", "task": "walk", **_LIGHT, **_HARDER},
+    "fbid_gym/BipedWalk-v1": {"robot": "biped", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
+    "fbid_gym/HumanoidWalk-v1": {"robot": "g1", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
+    "fbid_gym/QuadrupedTerrain-v1": {
+        "robot": "go1",
+        "task": "walk",
+        "terrain": "mixed",
+        "curriculum": True,
+        **_LIGHT,
+        **_HARDER,
+        "forward_range": (-0.35, 0.58),
+        "sideways_range": (-0.23, 0.23),
+        "turning_range": (-0.13, 0.13),
+        "push_weights": (0.0, 0.4),
     },
 }
 """Registered id -> arguments that define it."""

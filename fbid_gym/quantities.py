@@ -423,6 +423,8 @@ class Target(NamedTuple):
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
         cycle: (N,) share of the motion's cycle that has passed.
+        moment: (N,) factor on the weight of errors of the moment on the base beside those of the
+            force, see `fbid_gym.actions.law.Law.of`; 1 but where a gait hurries.
     """
 
     planted: np.ndarray
@@ -440,6 +442,7 @@ class Target(NamedTuple):
     qvel: np.ndarray
     qacc: np.ndarray
     cycle: np.ndarray
+    moment: np.ndarray
 
 
 Robots = TypeVar("Robots", bound=tuple[Any, ...])

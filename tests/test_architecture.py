@@ -85,20 +85,20 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2320,
+    ".": 2370,
     "actions": 2580,
     "control": 4720,
     "dynamics": 1650,
-    "envs": 3450,
+    "envs": 3470,
     "estimation": 1784,
-    "motions": 3685,
+    "motions": 3812,
     "policy": 590,
-    "robots": 5695,
-    "runtime": 1905,
-    "tasks": 2290,
+    "robots": 5710,
+    "runtime": 1915,
+    "tasks": 2320,
 }
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_250
+TEST_LINES = 29_600
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}

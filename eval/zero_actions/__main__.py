@@ -122,10 +122,13 @@ def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     """Say of what the short table of a page is, and where the rows are."""
     episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
     means = {"reward": "reward a step until they fell", "return": "return"}
-    told = means.get(table.error, "velocity error in m/s")
-    error = f", and their mean {told}" if table.error else ""
+    means |= {"yaw_rate_error": "yaw rate error in rad/s", "slip": "slip in m/s"}
+    names = [table.error, *table.more] if table.error else []
+    told = ", ".join(means.get(name, "velocity error in m/s") for name in names)
+    error = f", and their mean {told}" if told else ""
+    pushed = "" if "push" in table.without else f", pushes of {push} N"
     return (
-        f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
+        f"{episodes} robots each, {seconds} s{pushed}. Cells: how many of them stayed "
         f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "
         "the 95 % interval of the share that stayed up. By"
     )
@@ -142,7 +145,11 @@ def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
             yield *line, *(matched(some[0], its[0]) for some in by_value)
         else:
             sums = [Sum.over(some, table.error) for some in by_value]
-            yield *line, *(one.words(sums[0] if table.compared else None) for one in sums)
+            words = [one.words(sums[0] if table.compared else None) for one in sums]
+            for name in table.more:
+                means = (Sum.over(some, name).error for some in by_value)
+                words = [f"{said}, {m:.3f}" for said, m in zip(words, means, strict=True)]
+            yield *line, *words
 
 
 def matched(row: Row, first: Row) -> str:

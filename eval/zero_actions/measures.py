@@ -84,7 +84,7 @@ def play(
             spin = np.vecdot(vertical, batch.simulation.qvel[:, 3:6])
             found["miss"].append(along - step.observation[:, asked])
             found["turn"].append(spin - turn)
-            for name in ("power", "speed", "velocity_error"):
+            for name in ("power", "speed", "velocity_error", "slip"):
                 found[name].append(step.info[name])
         if not up.any():
             break
@@ -108,7 +108,7 @@ def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[s
     Args:
         told: "up" (T, N) bool, until a robot falls; "reward" (T, N). Of walks also "miss" (T, N, 2)
             m/s, velocity beyond that commanded; "turn" (T, N) rad/s, likewise; "power" (T, N) W;
-            "speed" (T, N) m/s; "velocity_error" (T, N) m/s, that of the reward.
+            "speed" (T, N) m/s; "velocity_error" (T, N) m/s, that of the reward; "slip" (T, N) m/s.
         hz: steps per second.
         weight: N, of a robot.
     """
@@ -126,7 +126,7 @@ def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[s
         # A second counts if the robot is up at its end.
         lasting = np.linalg.norm(seconds, axis=2)[up[hz - 1 :: hz][:whole]]
         numbers[f"{name}_of_1_s_means"] = _mean(lasting)
-    way = told["speed"][up].sum()
+    numbers["slip"], way = _mean(told["slip"][up]), told["speed"][up].sum()
     numbers["cost_of_transport"] = told["power"][up].sum() / (weight * way) if way else math.nan
     return numbers | {"velocity_error_of_the_reward": _mean(told["velocity_error"][stepped])}
 

@@ -63,6 +63,21 @@ MOTORS: dict[str, dict[str, Any]] = {
 GAINS = {f"{gain:g}": {"gain": gain} for gain in (0.0, 6.0, 12.0, 24.0, 48.0)}
 """Of the proportional law, 1/s; 0 is the zero action."""
 
+MEASURED: dict[str, Any] = {"sensors": "mems", "motors": "data_sheet", **_LATE}
+"""A robot as it is built: cheap sensors, its motors' curves, 5 ms from state to torque."""
+
+V1: dict[str, dict[str, Any]] = {
+    "walk": {"env": "Walk", "version": 1},
+    "walk, measured": {"env": "Walk", "version": 1, **MEASURED},
+    **{
+        f"{kind}, {seen}": {"env": "Terrain", "version": 1, "terrain": kind, "curriculum": False}
+        | {"height_scan": seen == "seen"}
+        for kind in LEVELLED[:-1]
+        for seen in ("blind", "seen")
+    },
+}
+"""Tasks of version 1: walking, as robots are built, and each kind of ground at difficulty 0.5."""
+
 
 class Table(NamedTuple):
     """A table: the product of robots, layers and factors, which the command line can change."""
@@ -83,6 +98,8 @@ class Table(NamedTuple):
     """Of the short table: the column whose cells are its columns."""
     error: str = ""
     """Column shown beside how many stayed up."""
+    more: tuple[str, ...] = ()
+    """Columns shown after that."""
     compared: bool = False
     """Whether the short table says by how much a cell differs from the first of its line."""
     episodes: int = 32
@@ -183,6 +200,19 @@ TABLES = {
         error="velocity_error",
         compared=True,
         seconds=8.0,
+        without=("push",),
+    ),
+    "v1": Table(
+        "every layer on the tasks of version 1, with their pushes, loads and grounds",
+        ("go1", "biped", "g1"),
+        tuple(LAYERS),
+        {"task": {name: {**task, "push": None} for name, task in V1.items()}},
+        ("robot", "layer", "task"),
+        (*_UP, "return", "velocity_error", "yaw_rate_error", "slip", "cost_of_transport"),
+        rows=("robot", "task"),
+        across="layer",
+        error="return",
+        more=("velocity_error", "yaw_rate_error", "slip"),
         without=("push",),
     ),
     "zoo": Table(
@@ -317,11 +347,12 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
     for levels in product(*(values.items() for values in table.factors.values())):
         own = {key: value for _, level in levels for key, value in level.items()}
         names = dict(zip(table.factors, (value for value, _ in levels), strict=True))
-        push = own.pop("push", 0.0) * robot.weight or config.push
-        gain, told = own.pop("gain", 0.0), own.pop("told", {})
+        gain, told, share = own.pop("gain", 0.0), own.pop("told", {}), own.pop("push", 0.0)
+        pushes = {}
+        if share is not None:  # else they are the environment's
+            pushes["push_force"] = (share * robot.weight or config.push,) * 2
         try:
-            arguments = environment(robot, own) | run | {"push_force": (push, push)}
-            walks.append((names, arguments, gain, told))
+            walks.append((names, environment(robot, own) | run | pushes, gain, told))
         except FbidError as error:  # its feet have not this gait, or none
             refused = error
     if refused and not walks:
@@ -339,17 +370,21 @@ def environment(robot: Robot, own: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         robot: who walks.
-        own: arguments that differ; "env" is the name of a walking environment, None for none.
+        own: arguments that differ; "env" is the name of a walking environment, None for none, and
+            "version" its version. What varies goes beside what the environment varies.
 
     Raises:
-        FbidError: it has no such gait.
+        FbidError: it has no such gait, or there is no such environment.
     """
-    own = {"env": "Walk", **own}
-    ground = own.pop("env")
+    own = {"env": "Walk", "version": 0, **own}
+    ground, version = own.pop("env"), own.pop("version")
     if ground is None:
         return own
     feet = "Biped" if robot.num_feet == 2 else "Quadruped"
-    arguments = ENVIRONMENTS[f"fbid_gym/{feet}{ground}-v0"] | own
+    env_id = Choice(ENVIRONMENTS).check("environment", f"fbid_gym/{feet}{ground}-v{version}")
+    usual = ENVIRONMENTS[env_id]
+    varied = usual.get("randomisation", {}) | own.get("randomisation", {})
+    arguments = usual | own | ({"randomisation": varied} if varied else {})
     gait_of(robot, arguments["control_hz"], arguments.get("gait"))
     return arguments
 

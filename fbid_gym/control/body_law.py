@@ -177,7 +177,8 @@ def torque_within_limits(
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
         for k in range(6):
-            nearness[k] = law.nearness[k] * (memory.priority[i] if k > 2 else 1.0)
+            asked = memory.priority[i] * math.sqrt(target.moment[i])
+            nearness[k] = law.nearness[k] * (1.0 if k < 3 else asked)
         _hold(law, nearness, state, terms, feet, memory, i, start, work, motion, torque)
     give_back(law.passive, torque, state.qpos, state.qvel)
     ask_more(memory.strength, torque)
@@ -198,7 +199,10 @@ def _hold(
     motion: Motion,
     torque: np.ndarray,
 ) -> None:
-    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
+    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go.
+
+    `nearness` (6,) is the law's, for this robot.
+    """
     weight, past = law.gravity * terms.mass_matrix[i, 0, 0], memory.vertical[i]
     missing, missed = work.forces.point.missing, work.forces.trial.missing
     strength = believed_strength(law.motors, law.gravity, terms, past, i)

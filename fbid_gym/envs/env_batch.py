@@ -307,8 +307,14 @@ class EnvBatch:
             "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self.loop.memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
+            **self._ground(),
             **({} if self.perception is None else self.perception.errors(self._state)),
         }
+
+    def _ground(self) -> dict[str, np.ndarray]:
+        """What robots are on, where the ground is of several kinds."""
+        tiles = self.terrain.tiles
+        return {"terrain_kind": tiles.kind(self._state.qpos[:, :2])} if tiles.kinds.size else {}
 
     def _look(self) -> RobotState:
         """Return where the robots are, in arrays of our own."""

@@ -63,6 +63,8 @@ INFO = {
     '`env.metadata["terminations"]`',
     "clipped_actions": "Share of the action's entries outside [-1, 1], which were clipped",
     **ERRORS,
+    "terrain_kind": "Of the ground below the base: "
+    + ", ".join(f"{k} {name}" for k, name in enumerate(terrain.LEVELLED[:-1])),
     "terrain_level": "With a curriculum: of the present episode, 0 to 10",
 }
 """What the entries of `info` are, beside the terms of the reward."""

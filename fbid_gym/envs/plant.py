@@ -7,6 +7,7 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.simulation import Simulation, hush
@@ -21,7 +22,9 @@ _RANGES = (
     *("total_mass", "model_total_mass", "model_inertia", "model_com_ahead"),
 )
 # Likewise; younger, so drawn last and only where they vary: seeds go on to mean the same robots.
-_YOUNGER = ("loop_delay", "motor_speed", "motor_lag")
+_YOUNGER = ("loop_delay", "motor_speed", "motor_lag", "payload")
+
+_OFF_CENTRE = 0.2  # of the mean distance of the contact points from their centre
 
 
 class Plant:
@@ -82,6 +85,7 @@ class Plant:
             "model_inertia": np.ones(count),
             "model_com_ahead": np.zeros(count),
             **{name: np.full(count, getattr(randomisation, name)[0]) for name in _YOUNGER},
+            "payload_place": np.zeros((count, 2)),
         }
 
     @property
@@ -104,17 +108,24 @@ class Plant:
         for name in _YOUNGER:
             least, most = getattr(ranges, name)
             self._drawn[name][env] = rng.uniform(least, most) if least < most else least
+        if ranges.payload[1] > 0.0:
+            self._drawn["payload_place"][env] = rng.uniform(-1.0, 1.0, 2)
 
     def apply(self, ids: np.ndarray) -> None:
         """Give the robots `ids` (K,) their drawn parameters."""
         if not self._drawn:
             return
         simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
-        mass = drawn["mass"] * drawn["total_mass"][:, None]
-        _weigh(self._simulation.batch, simulated, ids, mass, mass, drawn["com"])
+        robot, com = self._simulation.robot, drawn["com"]
+        mass, base = drawn["mass"] * drawn["total_mass"][:, None], robot.base_body
+        # What is carried, beside the base as it is.
+        load = drawn["payload"] * robot.mass / (simulated.body_mass[base] * mass[:, base])
+        away = _OFF_CENTRE * Stance.of(robot).radius * drawn["payload_place"]
+        com[:, base] += (load / (1.0 + load))[:, None] * (away @ base_from_trunk(robot)[:, :2].T)
+        mass[:, base] *= 1.0 + load
+        _weigh(self._simulation.batch, simulated, ids, mass, mass, com)
         mass = drawn["model_mass"] * drawn["model_total_mass"][:, None]
         inertia, com = mass * drawn["model_inertia"][:, None], drawn["model_com"]
-        robot = self._simulation.robot
         ahead = base_from_trunk(robot)[:, 0]
         com[:, robot.base_body] += drawn["model_com_ahead"][:, None] * ahead
         _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)

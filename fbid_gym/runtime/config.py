@@ -20,7 +20,7 @@ from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.estimation import Sensors, sensors_of
-from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
+from fbid_gym.options import Choice, Named, Number, Pair, Whole, check_fields, options_of
 from fbid_gym.robots import MENAGERIE, ROBOTS, ZOO, Robot, load
 from fbid_gym.robots.by_place import by_place
 from fbid_gym.robots.contact_pairs import compile_paired
@@ -125,7 +125,10 @@ class EnvConfig:
     episode_seconds: Annotated[float, Number(1e-4, 1e6, "s")] = 10.0
     """An episode is truncated after this time."""
     push_force: Force | None = None
-    """(least, most) N of a push. Default: the task's share of the robot's weight."""
+    """(least, most) N of a push. Default: `push_weights`."""
+    push_weights: Annotated[tuple[float, float], Pair(0.0, 100.0)] | None = None
+    """(least, most) weights of the robot of a push, where `push_force` is not given. Default: the
+    task's."""
     push_velocity: Jump = (0.0, 0.0)
     """(least, most) m/s by which the base's velocity jumps as a push begins."""
     push_duration: Duration = 0.15
@@ -358,6 +361,7 @@ class EnvConfig:
             "layer_options": options,
             "motors": complete_table(plain_robot, self.motors, motor_sheet(plain_robot)),
             "push_force": _derived(self._push_force(robot)),
+            "push_weights": [round(force / robot.weight, 6) for force in self._push_force(robot)],
             "randomisation": asdict(self.randomisations()),
             "reward_weights": {name: term.weight for name, term in terms.items()},
             "reward_scales": {n: term.scale for n, term in terms.items() if term.scale is not None},
@@ -376,7 +380,7 @@ class EnvConfig:
 
     def _push_force(self, robot: Robot) -> tuple[float, float]:
         if self.push_force is None:
-            least, most = task_kind(self.task).push
+            least, most = self.push_weights or task_kind(self.task).push
             return least * robot.weight, most * robot.weight
         return self.push_force
 

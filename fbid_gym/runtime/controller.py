@@ -27,6 +27,7 @@ from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing
 
+_COMMANDED = ("command", "command_start", "command_ramp")
 _DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
 
 
@@ -158,7 +159,7 @@ class Controller:
             FbidError: the plan has no such entry, or it is of another shape.
         """
         plan, command = self.loop.plan, self.loop.plan.get("command")
-        names = [n for n in plan if n not in (*_DRAWN, "command", "command_start")]
+        names = [n for n in plan if n not in (*_DRAWN, *_COMMANDED)]
         check_choices("entry of the plan", planned, names)
         given = {}
         for name, value in planned.items():

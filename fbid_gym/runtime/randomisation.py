@@ -10,6 +10,7 @@ Share = Annotated[float, Number(0.0, 0.99)]
 Offset = Annotated[float, Number(0.0, 1.0, "m")]
 Ahead = Annotated[tuple[float, float], Pair(-1.0, 1.0, "m")]
 Factor = Annotated[tuple[float, float], Pair(0.001, 1000.0)]
+Load = Annotated[tuple[float, float], Pair(0.0, 10.0)]
 Delay = Annotated[tuple[float, float], Pair(0.0, 1.0, "s")]  # every action on its way is remembered
 
 
@@ -42,6 +43,9 @@ class Randomisation:
     that is full or empty. Laws believe in 1; ideal motors have no such line."""
     motor_lag: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the motors' lag."""
+    payload: Load = (0.0, 0.0)
+    """Plant: (least, most) mass that the base carries, as a share of the robot's. It is spread as
+    the base's own; its centre lies up to a fifth of `Stance.radius` ahead or behind, and beside."""
     model_mass: Share = 0.0
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: Offset = 0.0

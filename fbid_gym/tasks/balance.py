@@ -133,7 +133,8 @@ class Balance(PlannedEpisode):
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        return command_at(plan["command_start"], plan["command"][:, :, None], tick)[:, 0]
+        start, asked = plan["command_start"], plan["command"][:, :, None]
+        return command_at(start, np.zeros(start.shape), asked, tick)[:, 0]
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> BalanceMeasures:
         """Return the measurements from which observation, reward and metrics are computed."""

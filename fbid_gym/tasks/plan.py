@@ -32,14 +32,30 @@ def drawn_commands(
 
 
 @kernel
-def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Return the commands (N, C) at ticks (N,), of those (N, K, C) that start at ticks (N, K)."""
+def command_at(
+    start: np.ndarray, ramp: np.ndarray, command: np.ndarray, tick: np.ndarray
+) -> np.ndarray:
+    """Return the commands of N robots.
+
+    Args:
+        start: (N, K) control ticks at which commands begin.
+        ramp: (N, K) control ticks that each takes to come evenly from the one before; 0: none.
+        command: (N, K, C).
+        tick: (N,) control ticks since the episode began.
+
+    Returns:
+        (N, C).
+    """
     axes = command.shape[2]
     found = np.empty((len(tick), axes))
     for i in range(len(tick)):
         index = last_started(start[i], tick[i])
+        left = 1.0 - (tick[i] - start[i, index]) / max(ramp[i, index], 1.0)
         for axis in range(axes):
             found[i, axis] = command[i, index, axis]
+            if left > 0.0 and ramp[i, index] > 0.0:
+                before = command[i, max(index - 1, 0), axis]
+                found[i, axis] += left * (before - found[i, axis])
     return found
 
 

@@ -20,7 +20,8 @@ and sets feet down at its height. Otherwise it assumes the plane on which its fe
 
 ## Starting State
 The home stance. A command is uniform in its ranges and holds for a time uniform in
-`command_interval`; one in ten is to stand.
+`command_interval`; one in ten is to stand. With a `command_ramp` half of the commands come evenly
+from the one before, the others at once.
 
 ## Episode End
 If gait and `lowered_range` make a robot walk lower than it stands at home, the height of a fall is
@@ -33,6 +34,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.target import MotionKind
@@ -61,6 +63,7 @@ Rates = Annotated[tuple[float, float], Pair(-2.0, 2.0)]
 
 _TOLERANCE = 0.12  # of sqrt(g h)
 _STANDS = 0.1  # share of the commands that are to stand
+_RAMPS = 0.5  # share of them that do not come at once, where there are ramps
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,6 +74,7 @@ class Walk(Episode):
         gait: how the robot walks where a layer follows it, and whose clock all see.
         most: (3, 2) least and greatest command: m/s ahead, m/s to the left, rad/s to the left.
         interval: (least, most) s from one command to the next.
+        ramp: (least, most) s that half of the commands take to come; (0, 0): all come at once.
         lowered: (least, most) m by which the base is lower than the gait has it, in an episode.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
         ground: its heights.
@@ -79,6 +83,7 @@ class Walk(Episode):
     gait: Gait
     most: np.ndarray
     interval: tuple[float, float]
+    ramp: tuple[float, float]
     lowered: tuple[float, float]
     scan: np.ndarray
     ground: HeightGrid
@@ -95,6 +100,7 @@ class Walk(Episode):
         sideways_range: Rates = (-0.23, 0.23),
         turning_range: Rates = (-0.13, 0.13),
         command_interval: Annotated[tuple[float, float], Pair(0.1, 1e9, "s")] = (2.0, 5.0),
+        command_ramp: Annotated[tuple[float, float], Pair(0.0, 1e9, "s")] = (0.0, 0.0),
         lowered_range: Annotated[tuple[float, float], Pair(0.0, MOST_LOWERED)] = (0.0, 0.0),
         gait: str | None = None,
         height_scan: bool = False,
@@ -109,6 +115,8 @@ class Walk(Episode):
             turning_range: (least, most) commanded yaw rate, in units of sqrt(g / h).
             command_interval: (least, most) s from one command to the next. One command in ten is
                 to stand.
+            command_ramp: (least, most) s that every second command, by chance, takes to come evenly
+                from the one before; the others come at once. No longer than they hold.
             lowered_range: (least, most) by which the base is lower than the gait has it throughout
                 an episode, in units of h. Layers follow; the policy sees its height.
             gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
@@ -118,6 +126,9 @@ class Walk(Episode):
         """
         ranges = (forward_range, sideways_range, turning_range)
         check_schedule("command_interval", command_interval, episode.seconds)
+        if command_ramp[1] > command_interval[0]:
+            expected = f"at most {command_interval[0]:g} s, the least command_interval"
+            raise InvalidValueError("command_ramp", command_ramp, expected)
         robot, stance = episode.body.robot, episode.body.stance
         walks = gait_of(robot, episode.hz, gait)
         height = float(stance.home_com[2])
@@ -133,6 +144,7 @@ class Walk(Episode):
             commands=dict(zip(("m/s ahead", "m/s to the left", "rad/s"), most, strict=True)),
             most=most,
             interval=command_interval,
+            ramp=command_ramp,
             lowered=lowered,
             scan=SCAN * height if height_scan else np.zeros((0, 2)),
             ground=plane(),
@@ -203,11 +215,15 @@ class Walk(Episode):
         least, most = self.lowered
         # An empty range draws nothing, so that later draws stay the same.
         lowered = np.array(rng.uniform(least, most) if least < most else most)
-        return begun | asked | {"command": command, "lowered": lowered}
+        ramp = np.zeros(count)
+        if self.ramp[1] > 0.0:
+            ramp[1:] = rng.uniform(*self.ramp, count - 1) * (rng.random(count - 1) < _RAMPS)
+        drawn = {"command": command, "command_ramp": ramp * self.hz, "lowered": lowered}
+        return begun | asked | drawn
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded velocity: (N, 3) m/s ahead, m/s and rad/s to the left."""
-        return command_at(plan["command_start"], plan["command"], tick)
+        return command_at(plan["command_start"], plan["command_ramp"], plan["command"], tick)
 
     def memory(self, terms: DynamicsTerms) -> Memory:
         """Return the memory of the gait, and the notes for observation, reward and metrics."""
@@ -244,9 +260,7 @@ class Walk(Episode):
             outcome.state.qvel,
             outcome.terms,
             outcome.posture.touching,
-            plan["command_start"],
-            plan["command"],
-            outcome.state.tick,
+            self.command(plan, outcome.state.tick),
             notes,
             notes.ground if outcome.estimated else notes.actual_ground,
         )

@@ -11,7 +11,6 @@ from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import Units
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import command_at
 from fbid_gym.tasks.reward import Term, Terms, bell, torque, upright
 
 _PREFIX = "seen_"
@@ -160,9 +159,7 @@ def measure_motion(
     qvel: np.ndarray,
     terms: DynamicsTerms,
     touching: np.ndarray,
-    command_start: np.ndarray,
-    commands: np.ndarray,
-    tick: np.ndarray,
+    command: np.ndarray,
     notes: Notes,
     ground: np.ndarray,
 ) -> Motion:
@@ -174,13 +171,10 @@ def measure_motion(
         qvel: (N, nv) m/s, rad/s.
         terms: where the robots are.
         touching: (N, P) bool, which points carry weight.
-        command_start: (N, K) control ticks at which commands begin.
-        commands: (N, K, 3) m/s ahead, m/s and rad/s to the left.
-        tick: (N,) control ticks since the episode began.
+        command: (N, 3) m/s ahead, m/s and rad/s to the left.
         notes: of the gait.
         ground: (N,) m, height of the ground, in the world of `terms`.
     """
-    command = command_at(command_start, commands, tick)
     count, feet = notes.planted.shape
     motion = Motion(
         command,

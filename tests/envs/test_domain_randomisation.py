@@ -9,6 +9,8 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import PinocchioDynamics
+from fbid_gym.dynamics.frames import quaternion_to_matrix
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.runtime.randomisation import Randomisation
 from tests.pairs import pairs
@@ -37,6 +39,28 @@ def test_off_by_default():
             assert batch.simulation.batch.expanded(field) is None
         action = np.zeros(plain.action_space.shape)
         np.testing.assert_array_equal(plain.step(action)[0], empty.step(action)[0])
+
+
+def test_a_payload_weighs_on_the_trunk_and_no_model_knows():
+    load = {"payload": (0.25, 0.25)}
+    for name in ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/HumanoidBalance-v0"):
+        env, batch = build(name, load, num_envs=30)
+        robot, physics = batch.robot, batch.simulation.batch
+        base, nominal = robot.base_body, batch.simulation.model
+        heavier = physics.expanded("body_mass") - nominal.body_mass
+        np.testing.assert_allclose(heavier[:, base], 0.25 * robot.mass, rtol=1e-9)
+        assert (np.delete(heavier, base, axis=1) == 0.0).all()
+        # Where it lies, of the moments about the base's own centre of mass.
+        moved = (physics.expanded("body_ipos") - nominal.body_ipos)[:, base]
+        away = moved * physics.expanded("body_mass")[:, base, None] / (0.25 * robot.mass)
+        upright = away @ quaternion_to_matrix(robot.home_qpos[None, 3:7])[0].T
+        radius = Stance.of(robot).radius
+        assert (np.abs(upright[:, :2]) <= 0.2 * radius + 1e-12).all()
+        assert np.abs(upright[:, :2]).max() > 0.15 * radius
+        np.testing.assert_allclose(upright[:, 2], 0.0, atol=1e-12)
+        believed = batch.plant.terms().mass_matrix[:, 0, 0]
+        np.testing.assert_allclose(believed, robot.mass, rtol=1e-9)
+        env.close()
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS)[::3])

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from fbid_gym import robots
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import zoo
 from fbid_gym.runtime.effort import Effort
@@ -38,6 +40,32 @@ def test_a_zero_action_walks_upright(robot, layer):
         step = batch.step(zero)
         assert not step.terminated.any()
         assert (step.observation[:, vertical[2]] > np.cos(0.5)).all()
+
+
+@pytest.mark.parametrize("robot", ["g1", "biped", "5"])
+def test_robots_on_soles_walk_fast(robot):
+    """At 0.8 m/s, told at once: twice as fast as a sole can balance the swing of a leg."""
+    own = zoo.built(zoo.draw(int(robot))) if robot.isdecimal() else robots.load(robot)
+    height = Stance.of(own).home_com[2]
+    ahead = (0.8 / np.sqrt(own.gravity * height),) * 2
+    still = {"sideways_range": (0.0, 0.0), "turning_range": (0.0, 0.0)}
+    batch, zero = walking(
+        "biped",
+        LAYERS[0],
+        6,
+        robot=own,
+        forward_range=ahead,
+        command_interval=(99.0, 99.0),
+        **still,
+    )
+    batch._plan["command"][:, :, 0] = 0.8  # nobody is to stand
+    begun = np.zeros(6)
+    for k in range(7 * batch.rates.policy):
+        step = batch.step(zero)
+        assert not step.terminated.any()
+        if k == 3 * batch.rates.policy:
+            begun = step.info["distance"]
+    assert (step.info["distance"] - begun > 0.7 * 4.0).all()
 
 
 @pytest.mark.parametrize("layer", LAYERS)

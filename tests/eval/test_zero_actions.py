@@ -8,6 +8,7 @@ from eval.zero_actions.__main__ import main
 from eval.zero_actions.measures import noise_torque, summarised, walk
 from eval.zero_actions.tables import EXACT, ZeroActionConfig, cases, environment
 from fbid_gym import robots
+from fbid_gym.robots.terrain import LEVELLED
 from train.runs.tables import read_rows
 
 SHORT = ["walking", "--robots", "biped", "--layers", "torque", "base_acceleration"]
@@ -20,7 +21,7 @@ def told(up: np.ndarray) -> dict[str, np.ndarray]:
         "up": up,
         "miss": np.ones((steps, count, 2)) * [0.3, 0.4],
         **{name: np.full(up.shape, value) for name, value in (("turn", -0.2), ("power", 6.0))},
-        **{name: np.full(up.shape, 0.5) for name in ("speed", "reward", "velocity_error")},
+        **{name: np.full(up.shape, 0.5) for name in ("speed", "reward", "velocity_error", "slip")},
     }
 
 
@@ -58,6 +59,20 @@ def test_the_rows_are_all_that_a_robot_can():
     assert known == [("4", "stand"), ("4", "walk"), ("6", "stand")]
     only = ("terrain=slopes,gaps", "difficulty=1", "ground=sees", "robot=go1")
     assert len(cases(ZeroActionConfig("terrain", only=only))) == 3 * 2
+
+
+def test_version_1_keeps_its_own_pushes_and_loads_beside_what_a_condition_varies():
+    of = cases(ZeroActionConfig("v1", robots=("go1", "g1"), layers=("base_acceleration",)))
+    kinds = [f"{kind}, {seen}" for kind in LEVELLED[:-1] for seen in ("blind", "seen")]
+    walks = ["walk", "walk, measured"]
+    known = [(case.cells["robot"], case.cells["task"]) for case in of]
+    assert known == [*(("go1", name) for name in [*walks, *kinds]), *(("g1", w) for w in walks)]
+    for case in of:
+        arguments = case.measure.args[0]
+        assert "push_force" not in arguments and arguments["push_weights"][1] > 0.0
+        drawn = arguments["randomisation"]
+        assert drawn["payload"] == (0.0, 0.25)
+        assert ("loop_delay" in drawn) is (case.cells["task"] == "walk, measured")
 
 
 @pytest.mark.parametrize(("layer", "up"), [("joint_position", "2"), ("torque", "0")])

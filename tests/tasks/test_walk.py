@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Walk
 from tests.batches import started
@@ -56,6 +57,33 @@ def test_the_command_is_that_which_began_last(batch):
         np.testing.assert_array_equal(
             task.command(rows, np.array([tick]))[0], plan["command"][last]
         )
+
+
+def test_half_of_the_commands_come_by_ramps(batch):
+    config = EnvConfig(batch.robot, task="walk", task_options={"command_ramp": (0.5, 1.5)})
+    task, rng = config.make_task(batch.robot), np.random.default_rng(4)
+    plans = [task.draw(rng) for _ in range(200)]
+    ramps = np.concatenate([plan["command_ramp"] for plan in plans]) / task.hz
+    assert ((ramps == 0.0) | (ramps >= 0.5) & (ramps <= 1.5)).all()
+    assert abs((ramps > 0.0).mean() - 0.5 * 5 / 6) < 0.1  # the first of an episode never does
+    ticks = np.arange(0, 10 * task.hz, 7)
+    for plan in plans[:5]:
+        rows = {name: np.broadcast_to(v, (len(ticks), *v.shape)) for name, v in plan.items()}
+        start, ramp = plan["command_start"], plan["command_ramp"]
+        # Each in turn takes over from those before it.
+        expected = np.tile(plan["command"][0], (len(ticks), 1))
+        for k in range(1, len(start)):
+            way = np.clip((ticks - start[k]) / max(ramp[k], 1e-9), 0.0, 1.0)[:, None]
+            begun = (ticks >= start[k])[:, None]
+            mixed = (1.0 - way) * plan["command"][k - 1] + way * plan["command"][k]
+            expected = np.where(begun, mixed, expected)
+        np.testing.assert_allclose(task.command(rows, ticks), expected, atol=1e-12)
+
+
+def test_a_ramp_is_over_before_the_next_command(batch):
+    config = EnvConfig(batch.robot, task="walk", task_options={"command_ramp": (0.5, 2.5)})
+    with pytest.raises(FbidError, match=r"command_ramp: \(0.5, 2.5\). Expected at most 2 s"):
+        config.make_task(batch.robot)
 
 
 def test_the_observation_is_what_its_names_say(batch, step):

@@ -7,6 +7,7 @@ import numpy as np
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.flat_gait import FlatFootGait
+from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
@@ -71,6 +72,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         omega=omega,
         single=(1.0 - _DOUBLE) * period,
         double=_DOUBLE * period,
+        haste=Haste.of(robot, omega, _LOWER * leg),
         settle=_SETTLE / omega,
         agility=_AGILITY * gravity * np.array([1.0, 1.0, 1.0 / leg]),
         gain=_GAIN,

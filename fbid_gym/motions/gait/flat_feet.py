@@ -7,6 +7,10 @@ of pressure goes to that foot. Balance is a law for the divergent component of m
 far as the soles reach, and the next foothold corrects the rest. So the robot does not
 follow planned footprints: it steps where it must to go on with the commanded velocity.
 
+Swinging a leg turns the body. At the usual velocities a sole bears that; beyond them the robot is
+in haste (`haste`). Its legs bend more, to reach farther; it spends less of a step in double
+support, so that a leg has more time to swing; its body may pitch; and it gathers way slowly.
+
 Plans start from the present state: each double support takes xi and the centre of pressure as it
 finds them, so that starting, stepping and stopping are without jumps. A new velocity is approached
 at a limited rate, and with it the foothold of the foot in the air.
@@ -35,6 +39,7 @@ from fbid_gym.motions.gait.flat_gait import (
     FlatFootGait,
     FlatGaitMemory,
 )
+from fbid_gym.motions.gait.haste import gathered, haste_at
 from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
@@ -89,7 +94,9 @@ def _go_on(
     i: int,
 ) -> None:
     """Advance one robot; `points` (P, 2) is a buffer."""
+    before = memory.velocity[i, 0]
     follow(gait.agility, command, terms, tick, memory, i)
+    memory.velocity[i, 0] = gathered(gait.haste, before, memory.velocity[i, 0], tick)
     for foot in range(2):
         stand_where_it_is(target, terms, i, foot)
     axes = axes_of(memory.heading[i])
@@ -103,15 +110,15 @@ def _go_on(
     memory.clock[i] += tick
     memory.progress[i] += tick * memory.hurry[i]
 
-    pace = memory.rate[i]
-    timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
+    timing = _timing(gait, memory, i)
     now = _Now(i, timing, axes, xi)
     _change_phase(gait, now, command, terms, contact_force, memory)
     _settle(gait, terms, tick, memory, target, i)
     error = _balance(gait, now, terms, points, memory, target)
     plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
     base = terms.base_position[i]
-    memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
+    lowered = command.lowered[i] + memory.haste[i] * gait.haste.crouch
+    memory.lowered[i] = approached(memory.lowered[i], lowered, gait.bend * tick)
     target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
     velocity = (0.0, 0.0, 0.0)
     if memory.phase[i] != STAND:
@@ -123,6 +130,7 @@ def _go_on(
     face(target, gait.home, memory.heading[i], i)
     move_along(target, gait.home, x, y, velocity[2], i)
     target.cycle[i] = _cycle(gait, timing, memory, i)
+    target.moment[i] = 1.0 + memory.haste[i] * (gait.haste.moment - 1.0)
 
 
 class _Now(NamedTuple):
@@ -132,6 +140,15 @@ class _Now(NamedTuple):
     timing: StepTiming
     axes: Pair  # cosine and sine of its heading
     xi: Pair  # m, its divergent component
+
+
+@compiled
+def _timing(gait: FlatFootGait, memory: FlatGaitMemory, i: int) -> StepTiming:
+    """How long the present step takes."""
+    haste, pace = memory.haste[i], memory.rate[i]
+    double = gait.double + haste * (gait.haste.double - gait.double)
+    single = gait.single + haste * (gait.haste.single - gait.single)
+    return StepTiming(gait.omega, double / pace, single / pace)
 
 
 @compiled
@@ -173,7 +190,8 @@ def _change_phase(
             memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
             span = 0.5 * timing.double if falls else gait.settle
             # No foot is in the air: the first step is planned for the command.
-            _set_out(span, DOUBLE, velocity, command, xi, memory, i)
+            ahead = min(max(velocity[0], -gait.haste.usual), gait.haste.usual)
+            _set_out(gait, span, DOUBLE, (ahead, velocity[1]), command, xi, memory, i)
     elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
         foot = 1 - memory.carrier[i]
         memory.phase[i], memory.clock[i], memory.span[i] = SWING, 0.0, timing.single
@@ -189,27 +207,27 @@ def _change_phase(
             near = abs(x) < _BESIDE * gait.sole[0] * 2.0
             near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
             memory.carrier[i] = foot
-            if still and near:
-                _set_out(gait.settle, STAND, followed, command, xi, memory, i)
-            else:
-                _set_out(timing.double, DOUBLE, followed, command, xi, memory, i)
+            phase, span = (STAND, gait.settle) if still and near else (DOUBLE, -1.0)
+            _set_out(gait, span, phase, (followed[0], followed[1]), command, xi, memory, i)
 
 
 @compiled
 def _set_out(
+    gait: FlatFootGait,
     span: float,
     phase: int,
-    velocity: np.ndarray,
+    velocity: Pair,
     command: GaitCommand,
     xi: Pair,
     memory: FlatGaitMemory,
     i: int,
 ) -> None:
-    """Begin a double support, or standing, from the present state."""
-    memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
-    memory.rate[i] = command.rate[i]
+    """Begin a double support, or standing, from the present state; a span below 0 is as timed."""
+    memory.haste[i] = haste_at(gait.haste, velocity[0])
+    memory.span[i] = span if span >= 0.0 else _timing(gait, memory, i).double
+    memory.phase[i], memory.clock[i], memory.rate[i] = phase, 0.0, command.rate[i]
+    memory.planned[i, 0], memory.planned[i, 1] = velocity
     for axis in range(2):
-        memory.planned[i, axis] = velocity[axis]
         memory.xi[i, axis] = xi[axis]
         memory.begun[i, axis] = memory.pressure[i, axis]
 

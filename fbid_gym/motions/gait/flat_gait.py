@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense, level_moments
 
 STAND, DOUBLE, SWING = 0, 1, 2
@@ -20,6 +21,7 @@ class FlatFootGait(NamedTuple):
     omega: float  # 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass)
     single: float  # s in single support
     double: float  # s in double support
+    haste: Haste  # how all that changes at velocities beyond the usual ones
     settle: float  # s in which a robot that stands shifts its weight
     agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
     gain: float  # of the centre of pressure on errors of xi, which decay with gain * omega
@@ -53,6 +55,7 @@ class FlatGaitMemory(NamedTuple):
     velocity: np.ndarray  # (N, 3) m/s, m/s, rad/s: the command as it is followed
     heading: np.ndarray  # (N,) rad, integral of the rate that is followed
     planned: np.ndarray  # (N, 2) m/s with which the step began
+    haste: np.ndarray  # (N,) from 0 to 1, see `haste_at`
     rate: np.ndarray  # (N,) of steps, commanded then
     progress: np.ndarray  # (N,) s of the planned swing that have passed
     hurry: np.ndarray  # (N,) times as fast as planned that the foot swings
@@ -82,6 +85,7 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> FlatGaitMemory:
         velocity=np.zeros((count, 3)),
         heading=np.array(heading, dtype=float),
         planned=flat[0],
+        haste=np.zeros(count),
         rate=np.ones(count),
         progress=np.zeros(count),
         hurry=np.ones(count),

@@ -18,6 +18,8 @@ class Tiles(NamedTuple):
 
     number: int  # of the tiles
     edge: float  # m; infinite where the ground never ends
+    # (R, R) int64, which of `patches.PATCHES` the patches of each tile are, rows along y.
+    kinds: np.ndarray = np.zeros((0, 0), np.int64)
 
     def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return which robots, (N,) bool, at places (N, 2) m, have left the tile of their level."""
@@ -25,6 +27,12 @@ class Tiles(NamedTuple):
             return np.zeros(len(places), bool)
         x = places[:, 0] - level * self.edge
         return np.maximum(abs(x), abs(places[:, 1])) > 0.5 * self.edge
+
+    def kind(self, places: np.ndarray) -> np.ndarray:
+        """Return which kind of patch places (N, 2) m are on, (N,) int64; there have to be some."""
+        share = (places / self.edge + 0.5) % 1.0
+        column, row = np.minimum(share * len(self.kinds), len(self.kinds) - 1).astype(np.int64).T
+        return self.kinds[row, column]
 
 
 ENDLESS = Tiles(1, np.inf)

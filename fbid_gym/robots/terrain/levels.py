@@ -58,7 +58,10 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
     starts = np.concatenate(
         [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
     )
-    tiles = Tiles(len(difficulties), edge)
+    names = list(PATCHES)
+    tiles = Tiles(
+        len(difficulties), edge, np.array([[names.index(k) for k in row] for row in kinds])
+    )
     return Field(starts, CLEARING * scale.length, tiles, grid, _COLOUR)
 
 
