@@ -103,7 +103,14 @@ def factor(matrix: np.ndarray) -> None:
     L has ones on its diagonal, where D^-1 is kept: no square roots, and no divisions when it comes
     to solve. Of a matrix that is not positive definite, NaN. Only the lower half is read.
     """
-    size = len(matrix)
+    if len(matrix) == 6:  # mostly; loops whose length the compiler knows are twice as fast
+        _factor(matrix, 6)
+    else:
+        _factor(matrix, len(matrix))
+
+
+@compiled
+def _factor(matrix: np.ndarray, size: int) -> None:
     for j in range(size):
         inverse = 1.0 / matrix[j, j] if matrix[j, j] > 0.0 else np.nan
         matrix[j, j] = inverse
@@ -134,7 +141,14 @@ def lift(matrix: np.ndarray, ridge: float) -> None:
 @compiled
 def solve_factored(factors: np.ndarray, vector: np.ndarray) -> None:
     """Overwrite a vector (a,) with the solution of A x = vector; `factors` are those of A."""
-    size = len(vector)
+    if len(vector) == 6:
+        _solve_factored(factors, vector, 6)
+    else:
+        _solve_factored(factors, vector, len(vector))
+
+
+@compiled
+def _solve_factored(factors: np.ndarray, vector: np.ndarray, size: int) -> None:
     for i in range(size):
         total = vector[i]
         for j in range(i):

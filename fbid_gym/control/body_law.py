@@ -23,6 +23,7 @@ from fbid_gym.control.motor_limits import (
     ask_more,
     believed_strength,
     bound_forces,
+    exceed_limits,
 )
 from fbid_gym.control.whole_body import (
     FREE,
@@ -205,7 +206,9 @@ def _hold(
                 memory.warm_start[i], i, work, motion,
             )  # fmt: skip
             copy(missing, missed)
-        elif not bound_forces(
+        elif not exceed_limits(
+            law.motors.line, strength, state.qvel, torque[i], i
+        ) or not bound_forces(
             law.motors.line, strength, DEFAULT_ACCURACY, weight, terms, state.qvel, torque[i], i,
             work, missed,
         ):  # fmt: skip
@@ -410,7 +413,7 @@ def _move_momentum(
     for row in range(6):
         carried.momentum[row] -= dot(terms.mass_matrix[i, row], state.qvel[i])
 
-    cosine, sine = heading_axes(law, target, i)
+    cosine, sine = heading_axes(law.ahead, target, i)
     x, y, z = _turned_left(target, terms, i)
     turned = cosine * x + sine * y, cosine * y - sine * x, z
     moment = turn(matrix(law.turning_inertia, ()), turned)
@@ -457,9 +460,9 @@ def _momentum_column(
 
 
 @compiled
-def heading_axes(law: LawConstants, target: Target, i: int) -> tuple[float, float]:
-    """Return cosine and sine of the heading that robot i shall have."""
-    x, y, _ = turn(rotation_at(target.qpos, i, 3), vector(law.ahead, ()))
+def heading_axes(ahead: np.ndarray, target: Target, i: int) -> tuple[float, float]:
+    """Return cosine and sine of the heading that robot i shall have; `ahead` of `LawConstants`."""
+    x, y, _ = turn(rotation_at(target.qpos, i, 3), vector(ahead, ()))
     size = math.hypot(x, y) + 1e-12
     return x / size, y / size
 
@@ -480,7 +483,8 @@ def _target_spin(target: Target, terms: DynamicsTerms, i: int) -> Vector:
 
 @kernel
 def stabilise(
-    law: LawConstants,
+    gains: BodyGains,
+    ahead: np.ndarray,
     added: np.ndarray,
     state: RobotState,
     target: Target,
@@ -495,7 +499,8 @@ def stabilise(
     and the joints in the same way, where a is the target's.
 
     Args:
-        law: of the robots.
+        gains: of the body.
+        ahead: (3,) the trunk's forward direction in the base's axes.
         added: (N, 6) m/s^2 along the heading, and rad/s^2 in the base's axes.
         state: of the robots.
         target: what they shall do.
@@ -503,13 +508,14 @@ def stabilise(
     """
     count, size = state.qvel.shape
     command = Command(np.zeros((count, size)), np.empty((count, 6)), np.empty((0, 6)))
-    _stabilise(law, added, state, target, terms, command)
+    _stabilise(gains, ahead, added, state, target, terms, command)
     return command
 
 
 @compiled
 def _stabilise(
-    law: LawConstants,
+    gains: BodyGains,
+    ahead: np.ndarray,
     added: np.ndarray,
     state: RobotState,
     target: Target,
@@ -517,7 +523,7 @@ def _stabilise(
     command: Command,
 ) -> None:
     """Write a command."""
-    gains, reference, body = law.gains, command.reference, command.body
+    reference, body = command.reference, command.body
     count, size = reference.shape
     for i in range(count):
         for k in range(6, size):
@@ -525,7 +531,7 @@ def _stabilise(
             rate = target.qvel[i, k] - state.qvel[i, k]
             reference[i, k] = target.qacc[i, k] + gains.posture * error
             reference[i, k] += gains.posture_damping * rate
-        cosine, sine = heading_axes(law, target, i)
+        cosine, sine = heading_axes(ahead, target, i)
         x = target.com_velocity[i, 0] - terms.com_velocity[i, 0]
         y = target.com_velocity[i, 1] - terms.com_velocity[i, 1]
         share = min(1.0, gains.small_error / (math.hypot(x, y) + 1e-12))

@@ -146,26 +146,25 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, newton: St
         free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
         friction, lowest, highest = limits
         nearest = nearest_force(free, limits)
+        wrenches = problem.wrenches[i]
         if nearest.ratio >= 1.0:
-            _add_dyad(problem, i, 1.0, (1.0, 0.0, 0.0), newton)
-            _add_dyad(problem, i, 1.0, (0.0, 1.0, 0.0), newton)
-            if nearest.force[2] == free[2]:
-                _add_dyad(problem, i, 1.0, (0.0, 0.0, 1.0), newton)
+            for axis in range(3 if nearest.force[2] == free[2] else 2):
+                _add_dyad(1.0, wrenches[axis], jacobian)
         elif nearest.force[2] > 0.0:
             x, y = free[0] / nearest.slide, free[1] / nearest.slide
-            _add_dyad(problem, i, nearest.ratio, (-y, x, 0.0), newton)
+            for row in range(6):
+                newton.way[row] = x * wrenches[1, row] - y * wrenches[0, row]
+            _add_dyad(nearest.ratio, newton.way, jacobian)
             if lowest <= nearest.cone <= highest:
-                size = 1.0 / (1.0 + friction * friction)
-                _add_dyad(problem, i, size, (friction * x, friction * y, 1.0), newton)
+                for row in range(6):
+                    along = x * wrenches[0, row] + y * wrenches[1, row]
+                    newton.way[row] = friction * along + wrenches[2, row]
+                _add_dyad(1.0 / (1.0 + friction * friction), newton.way, jacobian)
 
 
 @compiled
-def _add_dyad(problem: Points, i: int, size: float, direction: Vector, newton: Step) -> None:
-    """Add size g g^T, g = G_i direction, to the lower half of the Jacobian."""
-    way, jacobian = newton.way, newton.jacobian
-    wrenches, (x, y, z) = problem.wrenches, direction
-    for row in range(6):
-        way[row] = x * wrenches[i, 0, row] + y * wrenches[i, 1, row] + z * wrenches[i, 2, row]
+def _add_dyad(size: float, way: np.ndarray, jacobian: np.ndarray) -> None:
+    """Add size g g^T, g of a wrench (6,), to the lower half of the Jacobian."""
     for row in range(6):
         share = size * way[row]
         for column in range(row + 1):

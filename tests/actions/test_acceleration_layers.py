@@ -53,7 +53,8 @@ def state_of(simulation):
 
 def asked(layer, action, state, target, terms):
     """The command of `base_acceleration`."""
-    return stabilise(layer.law.constants, layer.scale * action, state, target, terms)
+    own = layer.law.constants
+    return stabilise(own.gains, own.ahead, layer.scale * action, state, target, terms)
 
 
 def promised(layer, command, state, target, terms):
