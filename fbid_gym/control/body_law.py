@@ -153,7 +153,7 @@ class LawMemory(NamedTuple):
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
         """Return the law's part of a layer's memory, to be updated in place."""
-        return cls(*(memory[name] for name in cls._fields))
+        return cls(*map(memory.__getitem__, cls._fields))
 
 
 @kernel
