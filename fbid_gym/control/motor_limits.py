@@ -124,8 +124,9 @@ def bound_forces(
 def ask_more(strength: np.ndarray, torque: np.ndarray) -> None:
     """Ask motors that give a share (N,) of their torques (N, n) for as much more, in place."""
     for i in range(len(torque)):
+        share = 1.0 / strength[i]
         for j in range(torque.shape[1]):
-            torque[i, j] /= strength[i]
+            torque[i, j] *= share
 
 
 @compiled
