@@ -103,10 +103,13 @@ def factor(matrix: np.ndarray) -> None:
     L has ones on its diagonal, where D^-1 is kept: no square roots, and no divisions when it comes
     to solve. Of a matrix that is not positive definite, NaN. Only the lower half is read.
     """
-    if len(matrix) == 6:  # mostly; loops whose length the compiler knows are twice as fast
+    size = len(matrix)
+    if size == 6:  # loops whose length the compiler knows are twice as fast
         _factor(matrix, 6)
+    elif size == 3:
+        _factor(matrix, 3)
     else:
-        _factor(matrix, len(matrix))
+        _factor(matrix, size)
 
 
 @compiled
@@ -141,10 +144,13 @@ def lift(matrix: np.ndarray, ridge: float) -> None:
 @compiled
 def solve_factored(factors: np.ndarray, vector: np.ndarray) -> None:
     """Overwrite a vector (a,) with the solution of A x = vector; `factors` are those of A."""
-    if len(vector) == 6:
+    size = len(vector)
+    if size == 6:
         _solve_factored(factors, vector, 6)
+    elif size == 3:
+        _solve_factored(factors, vector, 3)
     else:
-        _solve_factored(factors, vector, len(vector))
+        _solve_factored(factors, vector, size)
 
 
 @compiled

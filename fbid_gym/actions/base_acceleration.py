@@ -10,7 +10,7 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import scaled_names
-from fbid_gym.control.body_law import Command, stabilise
+from fbid_gym.control.body_law import stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.motions.target import MotionKind
@@ -96,20 +96,15 @@ class BaseAcceleration(LawLayer):
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        command = self._command(action, state, target, known)
+        command = stabilise(self.law.constants, self.scale * action, state, target, known)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
         self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
     ) -> np.ndarray:
         """Return the acceleration that it asks of the body, (N, 3) m/s^2, world."""
-        return self._command(action, state, target, terms).body[:, :3]
-
-    def _command(
-        self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
-    ) -> Command:
-        own = self.law.constants
-        return stabilise(own.gains, own.ahead, self.scale * action, state, target, terms)
+        command = stabilise(self.law.constants, self.scale * action, state, target, terms)
+        return command.body[:, :3]
 
 
 def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:

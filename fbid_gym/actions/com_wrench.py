@@ -15,7 +15,7 @@ from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
-from fbid_gym.control.body_law import Command, stabilise
+from fbid_gym.control.body_law import Command, LawConstants, stabilise
 from fbid_gym.control.momentum_balance import PostureGains
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
@@ -24,7 +24,7 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, checked
-from fbid_gym.quantities import BodyGains, DynamicsTerms, Memory, RobotState, Target
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
@@ -140,8 +140,7 @@ class ComWrench(LawLayer):
         known = terms()
         if isinstance(self.law, BalanceLaw):
             return self.law.torque(action, state, target, known, memory)
-        own = self.law.constants
-        command = _push(own.gains, own.ahead, self.scale * action, state, target, known)
+        command = _push(self.law.constants, self.scale * action, state, target, known)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
@@ -152,8 +151,7 @@ class ComWrench(LawLayer):
             return self.law.desired(action, state, target, terms)
         push = self.scale * action
         added = np.concatenate([push[:, :3] / self.law.robot.mass, 0.0 * push[:, 3:]], axis=1)
-        own = self.law.constants
-        return stabilise(own.gains, own.ahead, added, state, target, terms).body[:, :3]
+        return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
 
 
 def _papers_frequencies(
@@ -195,15 +193,14 @@ def papers_gains(
 
 @kernel
 def _push(
-    gains: BodyGains,
-    ahead: np.ndarray,
+    law: LawConstants,
     push: np.ndarray,
     state: RobotState,
     target: Target,
     terms: DynamicsTerms,
 ) -> Command:
     """The momentum changes as the target's does, with springs and dampers, and what is pushed."""
-    even = stabilise(gains, ahead, np.zeros(push.shape), state, target, terms)
+    even = stabilise(law, np.zeros(push.shape), state, target, terms)
     _rise_and_turn(target.qacc, even.body)
     return Command(even.reference, even.body, push)
 

@@ -25,13 +25,12 @@ from fbid_gym.motions.gait.heading import share_within
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import BodyGains, DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import factor, gram, solve_factored_columns
+from fbid_gym.small_matrices import copy, factor, gram, solve_factored
 
 _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
 _LEAD = 2.0  # pendulum times
 _FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
-GAP, RATE, ACCELERATION = 0, 1, 2  # columns of a motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +140,20 @@ def _legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoi
     )
 
 
+class _Motion(NamedTuple):
+    """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers.
+
+    Attributes:
+        gap: m, rad.
+        rate: m/s, rad/s.
+        acceleration: m/s^2, rad/s^2.
+    """
+
+    gap: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
 class _Found(NamedTuple):
     """What base and joints shall do, see `Target`."""
 
@@ -158,36 +171,36 @@ def _find_joints(
     feet, most = legs.own.shape
     rows = legs.rows
     found = _Found(state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size)))
-    # What is left to go, how fast, and the acceleration: of the base, of a foot, of its joints.
-    body, as_is, led = np.zeros((6, 3)), np.zeros((6, 3)), np.zeros((6, 3))
-    left, moves = np.empty((rows, 3)), np.empty((most, 3))
-    jacobian, lower = np.empty((rows, most)), np.empty((rows, rows))
+    body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
+    as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
+    led = _Motion(np.zeros(6), body.rate, body.acceleration)
+    left = _room(rows)
+    jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), _room(most)
     for i in range(count):
         _see_body(legs, target, terms, body, i)
         for k in range(6):
-            as_is[k, RATE] = state.qvel[i, k]
-            as_is[k, ACCELERATION] = led[k, ACCELERATION] = body[k, ACCELERATION]
-            led[k, RATE] = body[k, RATE]
+            as_is.rate[k] = state.qvel[i, k]
         for k in range(3):
-            found.qacc[i, k] = body[k, ACCELERATION]
+            found.qacc[i, k] = body.acceleration[k]
         for k in range(7, size + 1):
             found.qpos[i, k] = legs.home[k]
         for foot in range(feet):
+            own = legs.own[foot]
             for r in range(rows):
                 for k in range(most):
-                    j = legs.own[foot, k]
-                    jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + j] if j >= 0 else 0.0
+                    there = own[k] >= 0
+                    jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + own[k]] if there else 0.0
             _lead(legs, body, as_is, target.load[i, foot], led)
             seen = as_is if legs.aware and not target.planted[i, foot] else led
             _see_foot(target, terms, seen, left, i, foot)
             _solve_leg(jacobian, lower, left, moves)
             for k in range(most):
-                j = legs.own[foot, k]
+                j = own[k]
                 if j >= 0:
-                    angle = state.qpos[i, 7 + j] + min(max(moves[k, GAP], -_LONGEST), _LONGEST)
+                    angle = state.qpos[i, 7 + j] + min(max(moves.gap[k], -_LONGEST), _LONGEST)
                     found.qpos[i, 7 + j] = min(max(angle, legs.low[j]), legs.high[j])
-                    found.qvel[i, 6 + j] = moves[k, RATE]
-                    found.qacc[i, 6 + j] = moves[k, ACCELERATION]
+                    found.qvel[i, 6 + j] = moves.rate[k]
+                    found.qacc[i, 6 + j] = moves.acceleration[k]
     return found
 
 
@@ -196,76 +209,80 @@ def _see_body(
     legs: LegJoints,
     target: Target,
     terms: DynamicsTerms,
-    body: np.ndarray,
+    body: _Motion,
     i: int,
 ) -> None:
     """Write how the base is off, and how it is to move."""
     for axis in range(2):
-        gap = target.com[i, axis] - terms.com[i, axis]
+        body.gap[axis] = target.com[i, axis] - terms.com[i, axis]
+        body.rate[axis] = target.com_velocity[i, axis]
         late = target.com_velocity[i, axis] - terms.com_velocity[i, axis]
-        body[axis, GAP], body[axis, RATE] = gap, target.com_velocity[i, axis]
-        body[axis, ACCELERATION] = target.com_acceleration[i, axis]
-        body[axis, ACCELERATION] += legs.balance * gap + legs.balance_damping * late
-    body[2, GAP] = target.qpos[i, 2] - terms.base_position[i, 2]
+        body.acceleration[axis] = target.com_acceleration[i, axis]
+        body.acceleration[axis] += legs.balance * body.gap[axis] + legs.balance_damping * late
+    body.gap[2] = target.qpos[i, 2] - terms.base_position[i, 2]
     upright, now = rotation_at(target.qpos, i, 3), matrix(terms.world_from_base, (i,))
     to_base = transposed(now)
-    body[3, GAP], body[4, GAP], body[5, GAP] = turn(to_base, turned_left(upright, now))
+    body.gap[3], body.gap[4], body.gap[5] = turn(to_base, turned_left(upright, now))
     spin = turn(upright, vector(target.qvel, (i,), 3))
-    body[3, RATE], body[4, RATE], body[5, RATE] = turn(to_base, spin)
+    body.rate[3], body.rate[4], body.rate[5] = turn(to_base, spin)
 
 
 @compiled
-def _lead(
-    legs: LegJoints, body: np.ndarray, as_is: np.ndarray, load: float, led: np.ndarray
-) -> None:
+def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Motion) -> None:
     """Write how the base is off for a foot: with what it bears, also by the error of velocity.
 
     The joints' stiffness makes a force of it. Their damping would, too, but it also acts on a foot
     that has just lost the ground, which shakes if damped by more than sampling allows.
     """
-    x = legs.lead * (body[0, RATE] - as_is[0, RATE])
-    y = legs.lead * (body[1, RATE] - as_is[1, RATE])
+    x = legs.lead * (body.rate[0] - as_is.rate[0])
+    y = legs.lead * (body.rate[1] - as_is.rate[1])
     share = load * share_within(legs.farthest, x, y)
-    led[0, GAP], led[1, GAP] = body[0, GAP] + share * x, body[1, GAP] + share * y
-    for k in range(2, 6):
-        late = body[k, RATE] - as_is[k, RATE]
-        led[k, GAP] = body[k, GAP] + load * legs.calm * late
+    copy(body.gap, led.gap)
+    led.gap[0] += share * x
+    led.gap[1] += share * y
+    if legs.calm > 0.0:
+        for k in range(2, 6):
+            led.gap[k] += load * legs.calm * (body.rate[k] - as_is.rate[k])
 
 
 @compiled
 def _see_foot(
-    target: Target, terms: DynamicsTerms, body: np.ndarray, left: np.ndarray, i: int, foot: int
+    target: Target, terms: DynamicsTerms, body: _Motion, left: _Motion, i: int, foot: int
 ) -> None:
     """Write what of a foot's motion is left to its joints, beside that of the body."""
-    rows = len(left)
+    rows = len(left.gap)
     for r in range(3):
-        left[r, GAP] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
+        left.gap[r] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
     if rows == 6:
-        left[3, GAP], left[4, GAP], left[5, GAP] = turned_left(
+        left.gap[3], left.gap[4], left.gap[5] = turned_left(
             matrix(target.world_from_foot, (i, foot)), matrix(terms.world_from_foot, (i, foot))
         )
     for r in range(rows):
-        gap, rate = left[r, GAP], target.foot_velocity[i, foot, r]
+        gap, rate = left.gap[r], target.foot_velocity[i, foot, r]
         acceleration = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]
         for k in range(6):
             share = terms.foot_jacobian[i, foot, r, k]
-            gap -= share * body[k, GAP]
-            rate -= share * body[k, RATE]
-            acceleration -= share * body[k, ACCELERATION]
-        left[r, GAP], left[r, RATE], left[r, ACCELERATION] = gap, rate, acceleration
+            gap -= share * body.gap[k]
+            rate -= share * body.rate[k]
+            acceleration -= share * body.acceleration[k]
+        left.gap[r], left.rate[r], left.acceleration[r] = gap, rate, acceleration
 
 
 @compiled
-def _solve_leg(
-    jacobian: np.ndarray, lower: np.ndarray, left: np.ndarray, moves: np.ndarray
-) -> None:
-    """Find what joints move a foot like that: J^T (J J^T + damping)^-1 of what is left.
+def _room(size: int) -> _Motion:
+    """Return a motion that is yet to be written."""
+    return _Motion(np.empty(size), np.empty(size), np.empty(size))
+
+
+@compiled
+def _solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: _Motion, moves: _Motion) -> None:
+    """Find what joints move a foot like that; damped.
 
     Args:
         jacobian: (rows, K) of the joints.
         lower: (rows, rows), overwritten.
-        left: (rows, 3) of the foot, overwritten.
-        moves: (K, 3) written, of the joints.
+        left: of the foot, overwritten.
+        moves: written, of the joints.
     """
     rows = len(jacobian)
     gram(jacobian, jacobian, 0.0, lower)
@@ -275,11 +292,13 @@ def _solve_leg(
         for a in range(first, first + 3):
             lower[a, a] += _DAMPING * mean
     factor(lower)
-    solve_factored_columns(lower, left)
-    for k in range(len(moves)):
+    solve_factored(lower, left.gap)
+    solve_factored(lower, left.rate)
+    solve_factored(lower, left.acceleration)
+    for k in range(len(moves.gap)):
         gap, rate, acceleration = 0.0, 0.0, 0.0
         for r in range(rows):
-            gap += jacobian[r, k] * left[r, GAP]
-            rate += jacobian[r, k] * left[r, RATE]
-            acceleration += jacobian[r, k] * left[r, ACCELERATION]
-        moves[k, GAP], moves[k, RATE], moves[k, ACCELERATION] = gap, rate, acceleration
+            gap += jacobian[r, k] * left.gap[r]
+            rate += jacobian[r, k] * left.rate[r]
+            acceleration += jacobian[r, k] * left.acceleration[r]
+        moves.gap[k], moves.rate[k], moves.acceleration[k] = gap, rate, acceleration

@@ -413,7 +413,7 @@ def _move_momentum(
     for row in range(6):
         carried.momentum[row] -= dot(terms.mass_matrix[i, row], state.qvel[i])
 
-    cosine, sine = heading_axes(law.ahead, target, i)
+    cosine, sine = heading_axes(law, target, i)
     x, y, z = _turned_left(target, terms, i)
     turned = cosine * x + sine * y, cosine * y - sine * x, z
     moment = turn(matrix(law.turning_inertia, ()), turned)
@@ -460,9 +460,9 @@ def _momentum_column(
 
 
 @compiled
-def heading_axes(ahead: np.ndarray, target: Target, i: int) -> tuple[float, float]:
-    """Return cosine and sine of the heading that robot i shall have; `ahead` of `LawConstants`."""
-    x, y, _ = turn(rotation_at(target.qpos, i, 3), vector(ahead, ()))
+def heading_axes(law: LawConstants, target: Target, i: int) -> tuple[float, float]:
+    """Return cosine and sine of the heading that robot i shall have."""
+    x, y, _ = turn(rotation_at(target.qpos, i, 3), vector(law.ahead, ()))
     size = math.hypot(x, y) + 1e-12
     return x / size, y / size
 
@@ -483,8 +483,7 @@ def _target_spin(target: Target, terms: DynamicsTerms, i: int) -> Vector:
 
 @kernel
 def stabilise(
-    gains: BodyGains,
-    ahead: np.ndarray,
+    law: LawConstants,
     added: np.ndarray,
     state: RobotState,
     target: Target,
@@ -499,8 +498,7 @@ def stabilise(
     and the joints in the same way, where a is the target's.
 
     Args:
-        gains: of the body.
-        ahead: (3,) the trunk's forward direction in the base's axes.
+        law: of the robots.
         added: (N, 6) m/s^2 along the heading, and rad/s^2 in the base's axes.
         state: of the robots.
         target: what they shall do.
@@ -508,14 +506,13 @@ def stabilise(
     """
     count, size = state.qvel.shape
     command = Command(np.zeros((count, size)), np.empty((count, 6)), np.empty((0, 6)))
-    _stabilise(gains, ahead, added, state, target, terms, command)
+    _stabilise(law, added, state, target, terms, command)
     return command
 
 
 @compiled
 def _stabilise(
-    gains: BodyGains,
-    ahead: np.ndarray,
+    law: LawConstants,
     added: np.ndarray,
     state: RobotState,
     target: Target,
@@ -523,7 +520,7 @@ def _stabilise(
     command: Command,
 ) -> None:
     """Write a command."""
-    reference, body = command.reference, command.body
+    gains, reference, body = law.gains, command.reference, command.body
     count, size = reference.shape
     for i in range(count):
         for k in range(6, size):
@@ -531,7 +528,7 @@ def _stabilise(
             rate = target.qvel[i, k] - state.qvel[i, k]
             reference[i, k] = target.qacc[i, k] + gains.posture * error
             reference[i, k] += gains.posture_damping * rate
-        cosine, sine = heading_axes(ahead, target, i)
+        cosine, sine = heading_axes(law, target, i)
         x = target.com_velocity[i, 0] - terms.com_velocity[i, 0]
         y = target.com_velocity[i, 1] - terms.com_velocity[i, 1]
         share = min(1.0, gains.small_error / (math.hypot(x, y) + 1e-12))

@@ -53,8 +53,7 @@ def state_of(simulation):
 
 def asked(layer, action, state, target, terms):
     """The command of `base_acceleration`."""
-    own = layer.law.constants
-    return stabilise(own.gains, own.ahead, layer.scale * action, state, target, terms)
+    return stabilise(layer.law.constants, layer.scale * action, state, target, terms)
 
 
 def promised(layer, command, state, target, terms):

@@ -125,8 +125,7 @@ class Stepper:
         acceleration = target.com_acceleration * share[:, None]
         target = target._replace(com_acceleration=acceleration, qpos=qpos, qvel=qvel, qacc=qacc)
         none = np.zeros((len(ground), 6))
-        own = self.law.constants
-        aim = stabilise(own.gains, own.ahead, none, state, target, terms)
+        aim = stabilise(self.law.constants, none, state, target, terms)
         torque = self.law.torque(aim, state, target, terms, memory)
         base = terms.base_position[:, :2] - terms.foot_position[..., :2].mean(axis=1)
         memory["base"], memory["base_target"] = _ahead(base, memory), plan.qpos[:, :2]
