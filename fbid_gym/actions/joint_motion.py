@@ -25,7 +25,7 @@ from fbid_gym.motions.gait.heading import share_within
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import BodyGains, DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import add_transposed_times, copy, factor, gram, solve_factored
+from fbid_gym.small_matrices import copy, factor, gram, solve_factored
 
 _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
@@ -251,21 +251,21 @@ def see_foot(
 ) -> None:
     """Write what of a foot's motion is left to its joints, beside that of the body."""
     rows = len(left.gap)
-    left.gap[:] = 0.0
-    for r in range(min(rows, 3)):
+    for r in range(3):
         left.gap[r] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
     if rows == 6:
         left.gap[3], left.gap[4], left.gap[5] = turned_left(
             matrix(target.world_from_foot, (i, foot)), matrix(terms.world_from_foot, (i, foot))
         )
     for r in range(rows):
-        left.rate[r] = target.foot_velocity[i, foot, r]
-        left.acceleration[r] = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]
+        gap, rate = left.gap[r], target.foot_velocity[i, foot, r]
+        acceleration = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]
         for k in range(6):
             share = terms.foot_jacobian[i, foot, r, k]
-            left.gap[r] -= share * body.gap[k]
-            left.rate[r] -= share * body.rate[k]
-            left.acceleration[r] -= share * body.acceleration[k]
+            gap -= share * body.gap[k]
+            rate -= share * body.rate[k]
+            acceleration -= share * body.acceleration[k]
+        left.gap[r], left.rate[r], left.acceleration[r] = gap, rate, acceleration
 
 
 @compiled
@@ -292,14 +292,13 @@ def solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: WayLeft, moves: Way
         for a in range(first, first + 3):
             lower[a, a] += _DAMPING * mean
     factor(lower)
-    _spread(jacobian, lower, left.gap, moves.gap)
-    _spread(jacobian, lower, left.rate, moves.rate)
-    _spread(jacobian, lower, left.acceleration, moves.acceleration)
-
-
-@compiled
-def _spread(jacobian: np.ndarray, lower: np.ndarray, asked: np.ndarray, moves: np.ndarray) -> None:
-    """Write J^T (L L^T)^-1 asked to moves (K,); asked (rows,) is overwritten."""
-    solve_factored(lower, asked)
-    moves[:] = 0.0
-    add_transposed_times(jacobian, asked, moves)
+    solve_factored(lower, left.gap)
+    solve_factored(lower, left.rate)
+    solve_factored(lower, left.acceleration)
+    for k in range(len(moves.gap)):
+        gap, rate, acceleration = 0.0, 0.0, 0.0
+        for r in range(rows):
+            gap += jacobian[r, k] * left.gap[r]
+            rate += jacobian[r, k] * left.rate[r]
+            acceleration += jacobian[r, k] * left.acceleration[r]
+        moves.gap[k], moves.rate[k], moves.acceleration[k] = gap, rate, acceleration

@@ -23,6 +23,7 @@ from fbid_gym.control.motor_limits import (
     ask_more,
     believed_strength,
     bound_forces,
+    exceed_limits,
 )
 from fbid_gym.control.whole_body import (
     FREE,
@@ -154,7 +155,7 @@ class LawMemory(NamedTuple):
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
         """Return the law's part of a layer's memory, to be updated in place."""
-        return cls(*(memory[name] for name in cls._fields))
+        return cls(*map(memory.__getitem__, cls._fields))
 
 
 @kernel
@@ -214,7 +215,9 @@ def _hold(
                 memory.warm_start[i], i, work, motion,
             )  # fmt: skip
             copy(missing, missed)
-        elif not bound_forces(
+        elif not exceed_limits(
+            law.motors.line, strength, state.qvel, torque[i], i
+        ) or not bound_forces(
             law.motors.line, strength, DEFAULT_ACCURACY, weight, terms, state.qvel, torque[i], i,
             work, missed,
         ):  # fmt: skip

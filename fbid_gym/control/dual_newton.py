@@ -14,7 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.dynamics.vectors import Vector, add, scale, store, subtract, vector
+from fbid_gym.dynamics.vectors import (
+    NOTHING,
+    Vector,
+    add,
+    add_share,
+    scale,
+    six,
+    store,
+    store_six,
+    subtract,
+    vector,
+)
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import copy, dot, factor, lift, solve_factored
@@ -113,12 +124,9 @@ def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     for row in range(6):
         missing[row] = -problem.wrench[row]
     for i in range(problem.number[0]):
-        for axis in range(3):
-            total = 0.0
-            for row in range(6):
-                total += wrenches[i, axis, row] * point.dual[row]
-            point.free[i, axis] = total
-        nearest = nearest_force(vector(point.free, (i,)), vector(problem.limits, (i,)))
+        free = _free_force(wrenches, point.dual, i)
+        store(free, point.free, (i,))
+        nearest = nearest_force(free, vector(problem.limits, (i,)))
         store(nearest.force, point.force, (i,))
         x, y, z = nearest.force
         for row in range(6):
@@ -126,6 +134,17 @@ def evaluate(problem: Points, regularisation: float, point: Point) -> float:
             missing[row] += z * wrenches[i, 2, row]
     _go(missing, point.dual, regularisation, point.gradient)
     return np.sqrt(dot(point.gradient, point.gradient))
+
+
+@compiled
+def _free_force(wrenches: np.ndarray, dual: np.ndarray, i: int) -> Vector:
+    """G_i^T dual, the force of a point before projection."""
+    x, y, z = 0.0, 0.0, 0.0
+    for row in range(6):
+        x += wrenches[i, 0, row] * dual[row]
+        y += wrenches[i, 1, row] * dual[row]
+        z += wrenches[i, 2, row] * dual[row]
+    return x, y, z
 
 
 @compiled
@@ -139,37 +158,33 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, newton: St
     """
     jacobian = newton.jacobian
     for row in range(6):
-        for column in range(row):
-            jacobian[row, column] = 0.0
+        store_six(NOTHING, jacobian, (row,))
         jacobian[row, row] = regularisation
     for i in range(problem.number[0]):
         free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
         friction, lowest, highest = limits
         nearest = nearest_force(free, limits)
+        wrenches = problem.wrenches[i]
         if nearest.ratio >= 1.0:
-            _add_dyad(problem, i, 1.0, (1.0, 0.0, 0.0), newton)
-            _add_dyad(problem, i, 1.0, (0.0, 1.0, 0.0), newton)
-            if nearest.force[2] == free[2]:
-                _add_dyad(problem, i, 1.0, (0.0, 0.0, 1.0), newton)
+            for axis in range(3 if nearest.force[2] == free[2] else 2):
+                _add_dyad(1.0, wrenches[axis], jacobian)
         elif nearest.force[2] > 0.0:
             x, y = free[0] / nearest.slide, free[1] / nearest.slide
-            _add_dyad(problem, i, nearest.ratio, (-y, x, 0.0), newton)
+            first, second = six(wrenches, (0,)), six(wrenches, (1,))
+            across = add_share(add_share(NOTHING, x, second), -y, first)
+            store_six(across, newton.way, ())
+            _add_dyad(nearest.ratio, newton.way, jacobian)
             if lowest <= nearest.cone <= highest:
-                size = 1.0 / (1.0 + friction * friction)
-                _add_dyad(problem, i, size, (friction * x, friction * y, 1.0), newton)
+                along = add_share(six(wrenches, (2,)), friction * x, first)
+                store_six(add_share(along, friction * y, second), newton.way, ())
+                _add_dyad(1.0 / (1.0 + friction * friction), newton.way, jacobian)
 
 
 @compiled
-def _add_dyad(problem: Points, i: int, size: float, direction: Vector, newton: Step) -> None:
-    """Add size g g^T, g = G_i direction, to the lower half of the Jacobian."""
-    way, jacobian = newton.way, newton.jacobian
-    wrenches, (x, y, z) = problem.wrenches, direction
+def _add_dyad(size: float, way: np.ndarray, jacobian: np.ndarray) -> None:
+    """Add size g g^T, g a wrench (6,), to the Jacobian."""
     for row in range(6):
-        way[row] = x * wrenches[i, 0, row] + y * wrenches[i, 1, row] + z * wrenches[i, 2, row]
-    for row in range(6):
-        share = size * way[row]
-        for column in range(row + 1):
-            jacobian[row, column] += share * way[column]
+        store_six(add_share(six(jacobian, (row,)), size * way[row], six(way, ())), jacobian, (row,))
 
 
 @compiled
@@ -315,9 +330,8 @@ def _room_for_point(points: int) -> Point:
 def _are_inside(problem: Points, dual: np.ndarray, force: np.ndarray) -> bool:
     """Write the forces G^T dual (P, 3) up to the first that is not within its limits."""
     for i in range(problem.number[0]):
-        for axis in range(3):
-            force[i, axis] = dot(problem.wrenches[i, axis], dual)
-        x, y, normal = vector(force, (i,))
+        x, y, normal = _free_force(problem.wrenches, dual, i)
+        store((x, y, normal), force, (i,))
         friction, lowest, highest = vector(problem.limits, (i,))
         if not (lowest <= normal <= highest and x * x + y * y <= (friction * normal) ** 2):
             return False
@@ -332,12 +346,12 @@ def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> boo
     """
     wrenches, dual = problem.wrenches, point.dual
     for row in range(6):
-        for column in range(row + 1):
-            total = ridge if row == column else 0.0
-            for i in range(problem.number[0]):
-                for axis in range(3):
-                    total += wrenches[i, axis, row] * wrenches[i, axis, column]
-            gram[row, column] = total
+        sums = NOTHING
+        for i in range(problem.number[0]):
+            for axis in range(3):
+                sums = add_share(sums, wrenches[i, axis, row], six(wrenches, (i, axis)))
+        store_six(sums, gram, (row,))
+        gram[row, row] += ridge
     factor(gram)
     copy(problem.wrench, dual)
     solve_factored(gram, dual)

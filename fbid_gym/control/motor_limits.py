@@ -91,7 +91,9 @@ def bound_forces(
     work: Work,
     missed: np.ndarray,
 ) -> bool:
-    """Bring the forces of a robot within what its motors can give; whether that changed them.
+    """Bring forces of a robot within what its motors can give; whether that changed them.
+
+    To be called where torques `exceed_limits`: buffers are made here.
 
     Args:
         line: of the motors.
@@ -106,10 +108,8 @@ def bound_forces(
         missed: (6,) scaled wrench that they miss altogether; written.
     """
     count = work.forces.problem.number[0]
-    if count == 0 or not _exceeds(line, strength, qvel, torque, i):
-        return False
     slope = np.zeros((len(torque), 3 * count))
-    if not _slopes(line, strength, terms, qvel, torque, i, work, slope):
+    if count == 0 or not _slopes(line, strength, terms, qvel, torque, i, work, slope):
         return False
     problem = Problem(np.empty((6, 3 * count)), np.empty(6), np.empty((count, 3)))
     affine = AffineTorque(slope, np.empty(len(torque)), np.empty(len(torque)))
@@ -124,8 +124,9 @@ def bound_forces(
 def ask_more(strength: np.ndarray, torque: np.ndarray) -> None:
     """Ask motors that give a share (N,) of their torques (N, n) for as much more, in place."""
     for i in range(len(torque)):
+        share = 1.0 / strength[i]
         for j in range(torque.shape[1]):
-            torque[i, j] /= strength[i]
+            torque[i, j] *= share
 
 
 @compiled
@@ -138,9 +139,10 @@ def _range(
 
 
 @compiled
-def _exceeds(
+def exceed_limits(
     line: TorqueLine, strength: float, qvel: np.ndarray, torque: np.ndarray, i: int
 ) -> bool:
+    """Whether a torque (n,) is more than motors can give; mostly none is, see `bound_forces`."""
     for j in range(len(torque)):
         least, most = _range(line, strength, qvel, i, j)
         spare = _CLOSE * strength * line.torque[j]

@@ -61,18 +61,21 @@ def forces_within_torque_limits(
     """
     joints, columns = motors.slope.shape
     rows, lowest, highest = np.empty((joints, columns)), np.empty(joints), np.empty(joints)
-    levers, longest = np.empty(joints), 0.0
+    levers, longest, count = np.empty(joints), 0.0, 0
     for j in range(joints):
         levers[j] = np.sqrt(dot(motors.slope[j], motors.slope[j]))
         longest = max(longest, levers[j])
-    if longest == 0.0:
-        return  # no force changes a torque
     for j in range(joints):
-        size = levers[j] + _FAINT * longest
-        for i in range(columns):
-            rows[j, i] = motors.slope[j, i] / size
-        lowest[j] = (-motors.limit[j] - motors.offset[j]) / size / weight
-        highest[j] = (motors.limit[j] - motors.offset[j]) / size / weight
+        if levers[j] > 0.0:  # else no force changes its torque
+            size = levers[j] + _FAINT * longest
+            for i in range(columns):
+                rows[count, i] = motors.slope[j, i] / size
+            lowest[count] = (-motors.limit[j] - motors.offset[j]) / size / weight
+            highest[count] = (motors.limit[j] - motors.offset[j]) / size / weight
+            count += 1
+    if count == 0:
+        return
+    rows, lowest, highest = rows[:count], lowest[:count], highest[:count]
     cones = problem.limits.copy()
     cones[:, 1:] /= weight
     target = np.zeros(columns)

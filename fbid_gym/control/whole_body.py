@@ -36,14 +36,17 @@ from fbid_gym.compiled import compiled
 from fbid_gym.control.dual_newton import Room, deliver_by_points, room_for
 from fbid_gym.dynamics.stance import Limbs
 from fbid_gym.dynamics.vectors import (
+    NOTHING,
     Rotation,
     Vector,
     add,
+    add_share,
     cross,
     matrix,
     product,
-    scale,
+    six,
     store,
+    store_six,
     subtract,
     transposed,
     turn,
@@ -235,8 +238,8 @@ def factor_legs(
     """
     metric, reach, mass_matrix = work.metric, work.reach, terms.mass_matrix[i]
     for row in range(6):
-        for column in range(6):
-            metric[row, column], reach[row, column] = 0.0, mass_matrix[row, column]
+        store_six(NOTHING, metric, (row,))
+        store_six(six(mass_matrix, (row,)), reach, (row,))
         metric[row, row] = 1.0 / mobility[row]
     for k in range(len(limbs.others)):
         for row in range(6):
@@ -253,29 +256,26 @@ def factor_legs(
         _factor_leg(by_leg, work.weight[foot], share, gain, work.ridge[foot])
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
-        # Each sum in a register, and stored once: these are a third of the law's time.
+        # Sums of six in registers, and stored once: these are a third of the law's time.
         for row in range(rows):
             for column in range(6):
                 spread[row, column] = by_base[row, column]
         _solve_six(gain, spread)
         for k in range(joints):
-            for column in range(6):
-                total = 0.0
-                for row in range(rows):
-                    total += by_leg[row, k] * spread[row, column]
-                follow[k, column] = -work.weight[foot, k] * total
+            sums = NOTHING
+            for row in range(rows):
+                sums = add_share(sums, -work.weight[foot, k] * by_leg[row, k], six(spread, (row,)))
+            store_six(sums, follow, (k,))
         for row in range(6):
-            for column in range(6):
-                total = 0.0
-                for k in range(joints):
-                    total += mass[row, k] * follow[k, column]
-                reach[row, column] += total
+            sums = six(reach, (row,))
+            for k in range(joints):
+                sums = add_share(sums, mass[row, k], six(follow, (k,)))
+            store_six(sums, reach, (row,))
             if counts:
-                for column in range(row + 1):
-                    total = 0.0
-                    for k in range(rows):
-                        total += by_base[k, row] * spread[k, column]
-                    metric[row, column] += total
+                sums = six(metric, (row,))
+                for k in range(rows):
+                    sums = add_share(sums, by_base[k, row], six(spread, (k,)))
+                store_six(sums, metric, (row,))
     factor(metric)
 
 
@@ -713,21 +713,22 @@ def missing_directions(terms: DynamicsTerms, i: int, work: Work) -> float:
     Six where there are none, three on one point, one on points of a line.
     """
     count, longest, widest, far = work.forces.problem.number[0], 0.0, 0.0, (0.0, 0.0, 0.0)
-    # The point farthest from the first one, then the one farthest from the line through both.
+    # The point farthest from the first one, then the one farthest from the line through both;
+    # squares of distances, and of areas.
     for stage in range(2):
         for point in range(count):
             away = subtract(_place(terms, i, work, point), _place(terms, i, work, 0))
-            distance = np.sqrt(inner(away, away))
+            distance = inner(away, away)
             if stage == 0 and distance > longest:
-                longest, far = distance, scale(1.0 / distance, away)
+                longest, far = distance, away
             if stage == 1:
                 across = cross(far, away)
-                widest = max(widest, np.sqrt(inner(across, across)))
+                widest = max(widest, inner(across, across))
     if count == 0:
         return 6.0
     if longest == 0.0:
         return 3.0
-    return 1.0 if widest <= _LINE * longest else 0.0
+    return 1.0 if widest <= (_LINE * longest) ** 2 else 0.0
 
 
 @compiled

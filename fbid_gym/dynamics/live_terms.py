@@ -94,13 +94,15 @@ class LiveTerms:
         """Bind the buffers of `batch`, which simulates `robot`."""
         buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
         velocities = _Velocities(batch.state, column_of(batch.bind("qvel"), batch))
-        # What is zero in one state is zero in all.
+        # What is zero in one state is zero in all, and feet go as their base does.
         self._terms = zero_terms(robot, len(batch.state))
+        self._terms.foot_jacobian[:, :, :3, :3] = np.eye(3)
+        self._all = np.ones(len(batch.state), bool)
         self._read = partial(_read, _layout_of(robot), buffers, velocities, self._terms)
 
-    def __call__(self) -> DynamicsTerms:
-        """Return the terms, in arrays that the next call writes anew."""
-        self._read()
+    def __call__(self, which: np.ndarray | None = None) -> DynamicsTerms:
+        """Return the terms, in arrays that the next call writes anew: all, or of `which` (N,)."""
+        self._read(self._all if which is None else which)
         return self._terms
 
 
@@ -135,11 +137,14 @@ def _read(
     buffers: _Buffers,
     velocities: _Velocities,
     terms: DynamicsTerms,
+    which: np.ndarray,
 ) -> None:
-    """Write the terms of all robots."""
+    """Write the terms of robots, (N,) bool."""
     nv, first = len(layout.parent), velocities.first
     xpos, xmat = buffers.xpos, buffers.xmat
-    for i in range(len(velocities.rows)):
+    for i in range(len(which)):
+        if not which[i]:
+            continue
         qvel = velocities.rows[i, first : first + nv]
         _unpack(i, buffers.M, layout.row, layout.column, terms.mass_matrix)
         for j in range(nv):
@@ -182,7 +187,7 @@ def _read(
 
             spin, rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             dof = layout.last[foot]
-            while dof >= 0:
+            while dof > 2:
                 axes = vector(buffers.cdof, (i, dof))
                 along = add(vector(buffers.cdof, (i, dof), 3), cross(axes, arm))
                 for axis in range(3):

@@ -9,6 +9,9 @@ from fbid_gym.compiled import compiled
 
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
+Six = tuple[Vector, Vector]
+NOTHING = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+"""Six zeros."""
 
 
 @compiled
@@ -80,3 +83,22 @@ def product(left: Rotation, right: Rotation) -> Rotation:
     """Left times right, row by row."""
     columns = transposed(right)
     return turn(columns, left[0]), turn(columns, left[1]), turn(columns, left[2])
+
+
+@compiled
+def six(array: np.ndarray, row: tuple[int, ...]) -> Six:
+    """Read array[*row, :6]."""
+    return vector(array, row), vector(array, row, 3)
+
+
+@compiled
+def add_share(a: Six, share: float, b: Six) -> Six:
+    """The sum of six numbers and a multiple of six others."""
+    return add(a[0], scale(share, b[0])), add(a[1], scale(share, b[1]))
+
+
+@compiled
+def store_six(a: Six, array: np.ndarray, row: tuple[int, ...]) -> None:
+    """Write to array[*row, :6]."""
+    store(a[0], array, row)
+    store(a[1], array, row, 3)

@@ -346,8 +346,8 @@ class EnvBatch:
         """Have robots `ids` (K,) estimate, forget and plan anew where they are."""
         if self.perception is not None:
             self.perception.begin(ids, self._look())
-            self.simulation.note_change()
-        self.loop.begin(ids, self.plant.terms())
+            self.simulation.note_change(ids)
+        self.loop.begin(ids, some_of(self.plant.terms(), ids))
 
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""

@@ -21,7 +21,7 @@ from fbid_gym.runtime.rates import Rates
 MAX_SPEED = 500.0
 """Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
 
-_VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+_ALL, _VELOCITY = slice(None), int(mujoco.mjtStage.mjSTAGE_VEL)
 _STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
 _DIVERGENCE = np.array(
     [
@@ -94,6 +94,7 @@ class Simulation:
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
+        self._stale = np.ones(num_robots, bool)  # whose terms are those of an earlier state
         self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
         self.motors = None if robot.drives is None else MotorState.cold(*self._shape)
         self.changes = 0
@@ -109,7 +110,8 @@ class Simulation:
     def terms(self) -> DynamicsTerms:
         """Return the dynamics at the current state, in arrays that the next state's overwrite."""
         if self._terms is None:
-            self._terms = self._live()
+            self._terms = self._live(self._stale)
+            self._stale[:] = False
         return self._terms
 
     def place(
@@ -132,12 +134,13 @@ class Simulation:
         if self.motors is not None:
             self.motors.cool(ids)
         self.batch.forward(ids, stage=_VELOCITY)
-        lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
+        self.note_change(ids)
+        lowest = point_positions(self._geometry, self.terms())[ids, :, 2].min(axis=1)
         self.qpos[ids, 2] -= lowest - ground
         self.batch.forward(ids)
         hush(self.batch, ids)
         self.contact_force[ids] = self._sensors[ids]
-        self.note_change()
+        self.note_change(ids)
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -149,7 +152,7 @@ class Simulation:
         if len(ids):
             self.qvel[ids, :3] += velocity[ids]
             self.batch.forward(ids, stage=_VELOCITY)
-            self.note_change()
+            self.note_change(ids)
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m of ideal motors: all robots, or some `ids`."""
@@ -187,9 +190,9 @@ class Simulation:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
         self.note_change()
 
-    def note_change(self) -> None:
-        """Have all that depends on the state computed anew: for who writes to `qpos` or `qvel`."""
-        self._terms = None
+    def note_change(self, ids: np.ndarray | slice = _ALL) -> None:
+        """Have what depends on states of robots computed anew: for who writes to `qpos`, `qvel`."""
+        self._stale[ids], self._terms = True, None
         self.changes += 1
 
     def diverged(self) -> np.ndarray:

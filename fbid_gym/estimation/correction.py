@@ -59,7 +59,7 @@ def correct(
     size = D + 3 * feet
     axis, arm = np.empty((joints, 3)), np.empty((joints, 3))
     away, noise = np.empty((feet, 3)), np.empty((feet, 3, 3))
-    column, gain, error = np.empty((size, 3)), np.empty((size, 3)), np.empty(size)
+    column, gain, error = np.empty((3, size)), np.empty((3, size)), np.empty(size)
     fresh = np.empty(feet, np.bool_)
     for i in range(len(which)):
         if which[i]:
@@ -169,9 +169,9 @@ def _measure(
     """
     covariance, row = belief.covariance[i], D + 3 * foot
     size = len(covariance)
-    for k in range(size):
-        for axis in range(3):
-            column[k, axis] = covariance[k, P + axis] - covariance[k, row + axis]
+    for axis in range(3):
+        for k in range(size):
+            column[axis, k] = covariance[P + axis, k] - covariance[row + axis, k]
     a = (
         _innovation(column, noise, row, foot, 0, 0),
         _innovation(column, noise, row, foot, 0, 1),
@@ -206,17 +206,18 @@ def _measure(
     if not dot(told, weighed) < own.gate:
         return False
     for k in range(size):
-        own_row = vector(column, (k,))
-        gain[k, 0] = dot(own_row, bc) / size_of_it
-        gain[k, 1] = dot(own_row, ca) / size_of_it
-        gain[k, 2] = dot(own_row, ab) / size_of_it
-        error[k] += dot(own_row, weighed)
+        seen = (column[0, k], column[1, k], column[2, k])
+        gain[0, k] = dot(seen, bc) / size_of_it
+        gain[1, k] = dot(seen, ca) / size_of_it
+        gain[2, k] = dot(seen, ab) / size_of_it
+        error[k] += dot(seen, weighed)
     for k in range(size):
-        own_row = vector(gain, (k,))
+        x, y, z = gain[0, k], gain[1, k], gain[2, k]
         for j in range(k + 1):
-            value = covariance[k, j] - dot(own_row, vector(column, (j,)))
-            covariance[k, j] = value
-            covariance[j, k] = value
+            covariance[k, j] -= x * column[0, j] + y * column[1, j] + z * column[2, j]
+    for k in range(size):
+        for j in range(k):
+            covariance[j, k] = covariance[k, j]
     return True
 
 
@@ -225,7 +226,7 @@ def _innovation(
     column: np.ndarray, noise: np.ndarray, row: int, foot: int, j: int, k: int
 ) -> float:
     """Entry j, k of H P H^T + N."""
-    return column[P + j, k] - column[row + j, k] + noise[foot, j, k]
+    return column[k, P + j] - column[k, row + j] + noise[foot, j, k]
 
 
 @compiled

@@ -9,7 +9,6 @@ from fbid_gym.dynamics.vectors import (
     Vector,
     add,
     cross,
-    dot,
     product,
     scale,
     store,
@@ -76,24 +75,18 @@ def _spread(
 ) -> None:
     """Take the covariance to the next correction: Phi P Phi^T + Q, see the equations above."""
     covariance, dt = belief.covariance[i], own.every * own.tick
-    size = len(covariance)
+    size, foot, standing = len(covariance), belief.foot[i], belief.standing[i]
+    still = (0.0, 0.0, 0.0)
     for k in range(size):
-        _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
+        _flow(own, middle, velocity, position, foot, standing, still, covariance, k)
     for k in range(size):
         for j in range(k):
             # The rows are done: the same for the columns, by way of the transposed.
             covariance[k, j], covariance[j, k] = covariance[j, k], covariance[k, j]
     for k in range(size):
-        _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
-    # The gyroscope's noise comes in as its bias does: by 1, [v], [p], [d].
-    feet = belief.foot.shape[1]
-    for one in range(3 + feet):
-        first = _lever(one, velocity, position, belief, i)
-        if one < 3 or belief.standing[i, one - 3]:
-            for other in range(one + 1):
-                if other < 3 or belief.standing[i, other - 3]:
-                    second = _lever(other, velocity, position, belief, i)
-                    _add_turning(own.turning, one, other, first, second, covariance)
+        # The gyroscope's noise comes in as its bias does, but is no part of it.
+        noise = scale(own.turning, _turned(velocity, position, foot, standing, k))
+        _flow(own, middle, velocity, position, foot, standing, noise, covariance, k)
     for axis in range(3):
         covariance[V + axis, V + axis] += own.pushing
         covariance[V + axis, P + axis] += 0.5 * dt * own.pushing
@@ -101,59 +94,27 @@ def _spread(
         covariance[P + axis, P + axis] += dt * dt / 3.0 * own.pushing
         covariance[BG + axis, BG + axis] += own.gyroscope_drift
         covariance[BA + axis, BA + axis] += own.accelerometer_drift
-        for foot in range(feet):
-            if belief.standing[i, foot]:
-                place = D + 3 * foot + axis
+        for one in range(len(standing)):
+            if standing[one]:
+                place = D + 3 * one + axis
                 covariance[place, place] += own.slipping
 
 
 @compiled
-def _row(part: int) -> int:
-    """Where a part begins: rotation, velocity, place, then the feet."""
-    return 3 * part if part < 3 else D + 3 * (part - 3)
-
-
-@compiled
-def _lever(part: int, velocity: Vector, position: Vector, belief: Belief, i: int) -> Vector:
-    """By which a turn of the world moves a part; that of the rotation is not used."""
-    if part < 2:
-        return velocity
-    return position if part == 2 else vector(belief.foot, (i, part - 3))
-
-
-@compiled
-def _add_turning(
-    variance: float,
-    one: int,
-    other: int,
-    first: Vector,
-    second: Vector,
-    covariance: np.ndarray,
-) -> None:
-    """Add the part of the gyroscope's noise that two parts share, `other` not after `one`.
-
-    [a][b]^T = a.b - b a^T.
-    """
-    inner, a, b = dot(first, second), _row(one), _row(other)
-    for j in range(3):
-        for k in range(3):
-            if one == 0:
-                value = 1.0 if j == k else 0.0
-            elif other == 0:
-                value = _skew(first, j, k)
-            else:
-                value = (inner if j == k else 0.0) - second[j] * first[k]
-            covariance[a + j, b + k] += variance * value
-            if one != other:
-                covariance[b + k, a + j] += variance * value
-
-
-@compiled
-def _skew(a: Vector, j: int, k: int) -> float:
-    """Entry j, k of the matrix [a] with [a] b = a × b."""
-    if j == k:
-        return 0.0
-    return a[3 - j - k] if (j + 1) % 3 != k else -a[3 - j - k]
+def _turned(
+    velocity: Vector, position: Vector, foot: np.ndarray, standing: np.ndarray, k: int
+) -> Vector:
+    """What a turn of the unit takes from error k, per rad: row k of -(1, [v], [p], [d])."""
+    part, axis = k // 3, k % 3
+    own = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+    if k < V:
+        return scale(-1.0, own)
+    if k < BG:
+        return cross(velocity if k < P else position, own)
+    one = part - D // 3
+    if one >= 0 and standing[one]:
+        return cross(vector(foot, (one,)), own)
+    return (0.0, 0.0, 0.0)
 
 
 @compiled
@@ -164,13 +125,14 @@ def _flow(
     position: Vector,
     foot: np.ndarray,
     standing: np.ndarray,
+    noise: Vector,
     covariance: np.ndarray,
     k: int,
 ) -> None:
-    """Apply Phi to column k of a matrix."""
+    """Apply Phi to column k of a matrix; `noise` is added to what the gyroscope's bias turns."""
     dt = own.every * own.tick
     turned = _column(covariance, R, k)
-    bias = scale(dt, turn(middle, _column(covariance, BG, k)))
+    bias = add(scale(dt, turn(middle, _column(covariance, BG, k))), noise)
     pushed = scale(dt, turn(middle, _column(covariance, BA, k)))
     moved = _column(covariance, V, k)
     # [g] xi with g = (0, 0, -gravity).

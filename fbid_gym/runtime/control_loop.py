@@ -64,7 +64,7 @@ class ControlLoop:
         self.rates, self.task, self.observer = config.rates(), task, observer
         self.layer, self.footholds = config.layer(robot, task)
         self.plan = {name: np.repeat(value[None], count, axis=0) for name, value in drawn.items()}
-        self.memory, self._fresh = self.layer.memory(count), self.layer.memory(count)
+        self.memory = self.layer.memory(count)
         answers.check_layer(self.layer, self.memory, count)
         planned = task.memory(terms)
         answers.check_memory(planned, count, task)
@@ -79,11 +79,11 @@ class ControlLoop:
         return (*self.layer.action_names, *self.footholds.action_names)
 
     def begin(self, ids: np.ndarray, terms: DynamicsTerms) -> None:
-        """Have robots `ids` (K,) of those that are at `terms` forget, and begin their plans."""
-        for name, value in self._fresh.items():
-            self.memory[name][ids] = value[ids]
+        """Have robots `ids` (K,), which are at `terms`, K rows, forget, and begin their plans."""
+        for name, value in self.layer.memory(len(ids)).items():
+            self.memory[name][ids] = value
         for name, value in self.task.memory(terms).items():
-            self.planned[name][ids] = value[ids]
+            self.planned[name][ids] = value
 
     def send(self, action: np.ndarray) -> None:
         """Take the actions (N, A) that were chosen for the policy step that begins."""

@@ -244,8 +244,8 @@ class Walk(Episode):
             ground=self._foreseen(notes.foothold, now),
             lowered=plan["lowered"],
         )
-        self.gait.advance(command, terms, now.state.contact_force, now.memory)
-        note(self.gait.target(now.memory), terms.foot_position, now.actual().foot_position, notes)
+        target = self.gait.advance(command, terms, now.state.contact_force, now.memory)
+        note(target, terms.foot_position, now.actual().foot_position, notes)
 
     def target(self, plan: Plan, now: Now) -> Target:
         """Return the gait's target."""
@@ -292,18 +292,22 @@ class Walk(Episode):
         return _TOLERANCE * self._units.speed
 
     def _foreseen(self, foothold: np.ndarray, now: Now) -> np.ndarray:
-        """(N, F) m, height of the ground at footholds (N, F, 3); NaN for the blind.
+        """(N or 1, F) m, height of the ground at footholds (N, F, 3); NaN for the blind.
 
         A foothold moves little from tick to tick: the next one is looked up where the last was.
         Robots that estimate where they are see the ground around themselves, as a camera of theirs
         would show it: the map moves with the estimate, and its drift does no harm.
         """
         if not len(self.scan):
-            return np.full(foothold.shape[:2], np.nan)
+            return self._unknown
         if now.actual is now.terms:
             return heights_below(self.ground, foothold)
         places, above = in_place(foothold, now.terms(), now.actual())
         return heights_below(self.ground, places) + above[:, None]
+
+    @cached_property
+    def _unknown(self) -> np.ndarray:
+        return np.full((1, self.body.robot.num_feet), np.nan)
 
     @cached_property
     def _units(self) -> Units:

@@ -28,6 +28,7 @@ SectionName = Literal[
     "laws",
     "controllers",
     "walking",
+    "conditions",
     "layers",
     "threads",
     "single",
@@ -46,8 +47,9 @@ class BenchConfig:
         SectionName
     )
     """What to measure: the laws per control tick, layers on the tasks they are for, walking beside
-    its physics, environment steps by layer and by thread, a single robot, a robot's controller, PPO
-    beside Humanoid-v5, resident memory, a first use with nothing compiled."""
+    its physics, sensors and motors of robots, environment steps by layer and by thread, a single
+    robot, a robot's controller, PPO beside Humanoid-v5, resident memory, a first use with nothing
+    compiled."""
     robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
@@ -71,6 +73,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
         "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
         "controllers": lambda: layers.on_their_tasks(config.num_envs, rounds),
         "walking": lambda: layers.walking(config.num_envs, rounds),
+        "conditions": lambda: layers.conditions(config.num_envs, rounds),
         "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
         "single": lambda: layers.single(robots, chosen, rounds),

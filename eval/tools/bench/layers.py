@@ -1,8 +1,9 @@
-"""What all but the physics costs: of layers on their tasks, of walking, of a single robot."""
+"""What all but the physics costs: of layers, walking, sensors and motors, of a single robot."""
 
 import time
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
+from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.actions.law import Law
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.robot_env import RobotEnv
@@ -37,6 +40,13 @@ WALKING: Cases = {
     ("BipedWalk-v0", "base_acceleration"): Limit(0.5),
     ("HumanoidWalk-v0", "base_acceleration"): Limit(0.4),
 }
+ESTIMATOR, MOTORS, BOUNDS = "sensors and estimator", "motors", "bounded torques"
+CONDITIONS: Mapping[str, tuple[dict[str, Any], Limit | None]] = {
+    ESTIMATOR: ({"sensors": "mems"}, Limit(0.15)),
+    MOTORS: ({"motors": "data_sheet"}, None),
+    BOUNDS: ({"motors": {"strength": 0.4}}, Limit(0.05)),
+}
+"""Part that is timed -> arguments of the environment, and what the ratio shall keep to."""
 CONTROLLED = [
     f"{env}/{layer}"
     for env in ("QuadrupedWalk-v0", "BipedWalk-v0")
@@ -83,6 +93,23 @@ def walking(num_envs: int, rounds: int) -> Section:
         "tick.",
         "x physics",
         _beside_physics(WALKING, _walk, WALKING_STEPS, num_envs, rounds),
+    )
+
+
+def conditions(num_envs: int, rounds: int) -> Section:
+    """Time what sensors and motors of robots take, and what laws do about these."""
+    walks = "QuadrupedWalk-v0", "BipedWalk-v0"
+    return Section(
+        f"Robots as they are (N = {num_envs}, one thread)",
+        f"CPU time of walking through `base_acceleration` on zero action, {WALKING_STEPS} steps "
+        'from a reset: of sensors and estimator at `sensors="mems"`; of the motors of '
+        '`motors="data_sheet"`; and at 0.4 of every torque of the law, less that of the same law '
+        "with motors that have no limits, at the same states. Figure: relative to the physics.",
+        "x physics",
+        _beside_physics(
+            {(env, part): limit for part, (_, limit) in CONDITIONS.items() for env in walks},
+            *(_condition, WALKING_STEPS, num_envs, rounds),
+        ),
     )
 
 
@@ -185,18 +212,71 @@ def _one(robot: str, layer: str) -> Round:
 def _task(env: str, layer: str, num_envs: int) -> Round:
     """A layer and the physics, timed apart, from a reset."""
     batch = EnvBatch(EnvConfig.of({**ENVIRONMENTS[env], "action_layer": layer}), num_envs)
-    physics, timed = timed_physics(batch.simulation), Timed(batch.layer, "torque")
-    batch.loop.layer = timed
-    action = np.zeros((num_envs, len(batch.action_names)))
+    physics = timed_physics(batch.simulation)
+    batch.loop.layer = timed = Timed(batch.layer, "torque")
+    return _from_a_reset(batch, TASK_STEPS, lambda: Seconds(timed.seconds, physics.seconds))
+
+
+def _condition(env: str, part: str, num_envs: int) -> Round:
+    """One of `CONDITIONS` and the physics, timed apart, from a reset."""
+    own = {**ENVIRONMENTS[env], "action_layer": "base_acceleration", **CONDITIONS[part][0]}
+    batch = EnvBatch(EnvConfig.of(own), num_envs)
+    physics, within = timed_physics(batch.simulation), 0.0
+    timed: Timed | _Bounds
+    if part == ESTIMATOR:
+        batch.perception = timed = Timed(batch.perception, "update")  # type: ignore[assignment]
+    elif part == MOTORS:
+        batch.simulation = timed = Timed(batch.simulation, "tick")  # type: ignore[assignment]
+        within = 1.0  # of the physics are within what is timed
+    else:
+        assert isinstance(batch.layer, BaseAcceleration)
+        timed = _Bounds(batch.layer.law)
+        batch.loop.layer = replace(batch.layer, law=timed)  # type: ignore[arg-type]
+    return _from_a_reset(
+        batch,
+        WALKING_STEPS,
+        lambda: Seconds(timed.seconds - within * physics.seconds, physics.seconds),
+    )
+
+
+class _Bounds:
+    """A law that is timed beside one with motors without limits, at the same states."""
+
+    def __init__(self, law: Law) -> None:
+        motors, limit = law.constants.motors, np.full(law.robot.num_joints, 1e9)
+        boundless = motors._replace(line=motors.line._replace(torque=limit))
+        self._free = replace(law, constants=law.constants._replace(motors=boundless))
+        self._law, self._turn, self.seconds = law, 1, 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._law, name)
+
+    def torque(self, *given: Any) -> np.ndarray:
+        """Return the law's torque, see `Law.torque`."""
+        memory = {name: value.copy() for name, value in given[-1].items()}
+        found, self._turn = {}, -self._turn
+        for law, own in ((self._law, given[-1]), (self._free, memory))[:: self._turn]:
+            start = time.process_time()
+            found[law] = law.torque(*given[:-1], own)
+            spent = time.process_time() - start
+            self.seconds += spent if law is self._law else -spent
+        return found[self._law]
+
+
+def _from_a_reset(batch: EnvBatch, steps: int, spent: Callable[[], Seconds]) -> Round:
+    """What a number of steps from a reset add to the seconds that are spent."""
+    count = batch.num_envs
+    action = np.zeros((count, len(batch.action_names)))
 
     def run() -> Seconds:
-        for index in range(num_envs):
+        for index in range(count):
             batch.seed(index, gym.utils.seeding.np_random(index)[0])
-        batch.reset(np.arange(num_envs))
-        physics.seconds = timed.seconds = 0.0
-        for _ in range(TASK_STEPS):
+        batch.reset(np.arange(count))
+        before = spent()
+        for _ in range(steps):
             batch.step(action)
-        return Seconds(timed.seconds, physics.seconds)
+        after = spent()
+        return Seconds(after.cost - before.cost, after.physics - before.physics)
 
     return run
 

@@ -22,8 +22,8 @@ class GaitCommand(NamedTuple):
     velocity: np.ndarray  # (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand
     shift: np.ndarray  # (N, F, 2) m ahead and to the left that each next foothold is moved by
     rate: np.ndarray  # (N,) cycles per planned cycle, positive; 1 for the planned frequency
-    # (N, F) m, height of the ground at the next foothold of each foot; NaN where it is not known,
-    # for that of the plane on which the feet last stood.
+    # (N or 1, F) m, height of the ground at the next foothold of each foot; NaN where it is not
+    # known, for that of the plane on which the feet last stood.
     ground: np.ndarray
     lowered: np.ndarray  # (N,) m by which the base shall be lower than the gait has it
 

@@ -357,7 +357,7 @@ def _find_foothold(
     memory.hurry[i] = min(1.0 + missed / gait.width, _FASTEST)
     x, y = in_world(axes, near_x, gait.left[foot] * near)
     foothold[0], foothold[1] = stands[0] + x, stands[1] + y
-    ground = command.ground[i, foot]
+    ground = command.ground[min(i, len(command.ground) - 1), foot]
     foothold[2] = height_on(plane, foothold[0], foothold[1]) if math.isnan(ground) else ground
 
 

@@ -57,8 +57,8 @@ class Gait:
         terms: DynamicsTerms,
         contact_force: np.ndarray,
         memory: Memory,
-    ) -> None:
-        """Advance by one control tick, and write the robots' target to the memory.
+    ) -> Target:
+        """Advance by one control tick; return the robots' target, in the arrays of their memory.
 
         Args:
             command: where to go.
@@ -67,9 +67,9 @@ class Gait:
             memory: of the robots; updated.
         """
         own = self.remembered(*map(memory.__getitem__, self.remembered._fields))
-        self.walk(
-            self.constants, command, terms, contact_force, self.tick, own, self.target(memory)
-        )
+        target = self.target(memory)
+        self.walk(self.constants, command, terms, contact_force, self.tick, own, target)
+        return target
 
     def target(self, memory: Memory) -> Target:
         """Return the robots' target, in the arrays of their memory."""

@@ -99,7 +99,7 @@ def _find_foothold(
     y = base[1] + place[1] + shift[1] + point_ahead(leap, landing[1], wanted[1])
 
     # Within reach when the foot lands, and, as far as that allows, until it lifts.
-    known = command.ground[i, foot]
+    known = command.ground[min(i, len(command.ground) - 1), foot]
     ground = height_on(plane, x, y) if math.isnan(known) else known
     height = terms.base_position[i, 2] + gait.hip[foot, 2] - ground
     radius = math.sqrt(max(gait.reach[foot] ** 2 - height**2, 0.0))
