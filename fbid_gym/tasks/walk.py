@@ -38,14 +38,14 @@ from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
-from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
+from fbid_gym.robots.terrain.grid import plane
 from fbid_gym.tasks.body import ANGULAR_VELOCITY, UP, Body, Units
-from fbid_gym.tasks.height_scan import SCAN, in_place, scan_heights
+from fbid_gym.tasks.height_scan import SCAN, in_place, scanned
 from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Terms
-from fbid_gym.tasks.task import Episode, Now
+from fbid_gym.tasks.task import Episode, Ground, Now
 from fbid_gym.tasks.walk_measures import (
     REWARD_TERMS,
     Notes,
@@ -73,7 +73,7 @@ class Walk(Episode):
         interval: (least, most) s from one command to the next.
         lowered: (least, most) m by which the base is lower than the gait has it, in an episode.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
-        ground: its heights.
+        ground: tells its heights.
     """
 
     gait: Gait
@@ -81,7 +81,7 @@ class Walk(Episode):
     interval: tuple[float, float]
     lowered: tuple[float, float]
     scan: np.ndarray
-    ground: HeightGrid
+    ground: Ground
 
     reward_terms: ClassVar[Terms] = REWARD_TERMS
 
@@ -138,7 +138,7 @@ class Walk(Episode):
             ground=plane(),
         )
 
-    def on(self, ground: HeightGrid) -> "Walk":
+    def on(self, ground: Ground) -> "Walk":
         """Return the task on other ground."""
         return replace(self, ground=ground)
 
@@ -187,10 +187,8 @@ class Walk(Episode):
         names = tuple(f"ground {x:.2f} m ahead, {y:.2f} m to the left (m)" for x, y in self.scan)
 
         def seen(measured: WalkMeasures) -> np.ndarray:
-            notes = measured.notes
-            return scan_heights(
-                self.ground, self.scan, measured.outcome.actual, notes.actual_ground
-            )
+            heights = self.ground(scanned(self.scan, measured.outcome.actual))
+            return heights - measured.notes.actual_ground[:, None]
 
         return {"scan": Group(names, 10.0, seen)}
 
@@ -287,9 +285,9 @@ class Walk(Episode):
         if not len(self.scan):
             return np.full(foothold.shape[:2], np.nan)
         if now.actual is now.terms:
-            return heights_below(self.ground, foothold)
+            return self.ground(foothold)
         places, above = in_place(foothold, now.terms(), now.actual())
-        return heights_below(self.ground, places) + above[:, None]
+        return self.ground(places) + above[:, None]
 
     @cached_property
     def _units(self) -> Units:
