@@ -75,7 +75,7 @@ soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 
 dist: setup $(VENV)/.dist  ## Build wheel and source archive, use them in a fresh environment (PYTHON=python3.13).
 	@rm -f dist/fbid_gym-*
 	@$(BIN)/python -m build --no-isolation --outdir dist . > /dev/null
-	@$(HEADLESS) PYTHON="$(PYTHON)" $(BIN)/python -m pytest -v eval/tools/dist.py $(ARGS)
+	@$(HEADLESS) PYTHON="$(PYTHON)" $(BIN)/python -m pytest -v -rP eval/tools/dist.py $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache

@@ -58,6 +58,10 @@ def in_bullet(
     return Outcomes(*map(np.array, zip(*each, strict=True)))
 
 
+def _level(places: np.ndarray) -> np.ndarray:
+    return np.zeros(len(places))
+
+
 def _episode(
     controller: Controller, world: BulletWorld, batch: EnvBatch, seed: int
 ) -> tuple[float, bool, float]:
@@ -69,10 +73,11 @@ def _episode(
         controller.loop.plan[name][:] = value
     world.place(batch.simulation.qpos[0], batch.simulation.qvel[0])
     errors: list[float] = []
+    level = _level if controller.sees_ground else None
     for step in range(batch.num_steps + 1):
         pushed = task.pushes.during(plan, only + step * rates.ticks, rates.ticks, rates.control)
         for tick, push in enumerate(pushed.force):
-            torque = controller.tick(world.sensors())
+            torque = controller.tick(world.sensors(), level)
             if tick == 0 and step:  # what the last step came to
                 errors.append(float(task.metrics(controller.measured)["velocity_error"][0]))
                 if controller.measured.outcome.posture.fallen[0]:

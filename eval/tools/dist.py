@@ -231,7 +231,7 @@ def test_one_line_shows_a_robot_that_walks(runner: str, user: User, wheel: Path)
     told = call(*line, "play", "--port=0", "--measure=20", cwd="/", env=env)
     walked = float(told.partition("frames/s, ")[2].split()[0])  # s of the robots per s
     assert walked > 0.2, told
-    spent = time.monotonic() - installed - 20.0
+    spent = time.monotonic() - installed - 22.0  # measured for 20, begun 2 before
     print(f"{runner}: installed in {installed - began:.0f} s, walks after {spent:.0f} s more")
     assert not (folder / "runs").exists()
 

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import kernel
-from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
-from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
@@ -28,6 +28,7 @@ _USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
 
 LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
 """Of gains: more would leave of them next to nothing."""
+_RANK = 1e-9
 
 
 class JointGains(NamedTuple):
@@ -240,15 +241,17 @@ def _mobility(robot: Robot) -> np.ndarray:
 def holding_torque(robot: Robot) -> np.ndarray:
     """Return the torques that keep the home stance in equilibrium: (n,) N·m.
 
-    With what the springs of the joints do, they are the least that do.
+    With what the springs of the joints do, they are the least that do, or that come closest:
+    [M10] eq. (15) once more, because for one robot at rest its law is not worth compiling.
     """
     stance = Stance.of(robot)
-    contacts = reduced_contacts(stance.geometry, stance.terms)
+    mass_matrix, bias = stance.terms.mass_matrix[0], stance.terms.bias[0]
+    jacobian, _ = point_jacobian(stance.geometry, stance.terms)
+    free = scipy.linalg.null_space(jacobian[0], rcond=_RANK)  # what the contacts let move
+    yields = free @ np.linalg.solve(free.T @ mass_matrix @ free, free.T)  # how much, by a force
+    torque, *_ = np.linalg.lstsq(yields[:, 6:], yields @ bias, rcond=_RANK)
     rest = np.zeros((1, robot.nv))
-    solution = orthogonal_inverse_dynamics(
-        stance.terms.mass_matrix, stance.terms.bias, contacts.jacobian, rest, contacts.bias
-    )
-    return give_back(PassiveJoints.of(robot), solution.torque, robot.home_qpos[None], rest)[0]
+    return give_back(PassiveJoints.of(robot), torque[None], robot.home_qpos[None], rest)[0]
 
 
 def sampled_growth(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_choices, real_numbers
+from fbid_gym.checks import check_choices, check_finite, real_numbers
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
@@ -28,7 +28,12 @@ from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing
 
 _COMMANDED = ("command", "command_start", "command_ramp")
+
+Heights = Callable[[np.ndarray], Any]
+"""Tells how high the ground is, (K,) m, at places (K, 2) m of the world that has "position"."""
+
 _DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
+_BLIND = "None: the policy does not see the ground"
 
 
 class Controller:
@@ -38,6 +43,7 @@ class Controller:
         config: the environment whose task and action layer it runs.
         robot: the robot; its `joint_names` are the order of positions, velocities and torques.
         policy: takes observations (1, O), returns actions (1, A).
+        sees_ground: whether it wants to be told the height of the ground.
         rates: `rates.control` is how often it wants to be asked, Hz.
         loop: its task and layer at work.
         estimator: of its state, from readings; None where the environment's sensors are perfect.
@@ -57,10 +63,10 @@ class Controller:
                 task as well as the layer alone can.
 
         Raises:
-            FbidError: arguments that no environment has, or a task that sees the ground.
+            FbidError: arguments that no environment has.
         """
         self.config, self.robot, self.rates = config, config.load_robot(), config.rates()
-        task = config.make_task(self.robot)
+        task = config.make_task(self.robot).on(self._ground)
         drawn = task.draw(np.random.default_rng(0))
         answers.check_plan(task, drawn)
         self._tick, sensors = np.zeros(1, np.int64), config.perceived()
@@ -69,9 +75,8 @@ class Controller:
             self._reader = Reader.of(self.robot, sensors, self.rates.control, self._tick)
         self.estimator = self._reader.estimator if self._reader else None
         observer = Observer(task, config.observation, config.history, 1, self.estimator)
-        if "scan" in observer.groups:
-            expected = "False: a controller is not told the height of the ground"
-            raise InvalidValueError("height_scan", True, expected)
+        self._heights: Heights | None = None
+        self.sees_ground = "scan" in observer.groups
         self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(self.robot)
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
         self.loop = ControlLoop(config, task, drawn, home, observer)
@@ -199,7 +204,7 @@ class Controller:
         given = command if shape else (command[0] if len(command) == 1 else command)
         plan["command"][:] = checked_command(given, shape, group.bound, 1)[:, None]
 
-    def tick(self, sensors: Any) -> np.ndarray:
+    def tick(self, sensors: Any, heights: Heights | None = None) -> np.ndarray:
         """Return the joints' torques of a control tick, within their limits.
 
         Args:
@@ -207,6 +212,8 @@ class Controller:
                 estimator gives it. Where the environment has sensors that err, also `READINGS` by
                 name, of which it makes an estimate as the environment does; the first ones are of
                 a robot that rests.
+            heights: of the ground, for policies that see it (`height_scan`) and for these alone:
+                asked for those at the footholds, and around the robot when the policy is asked.
 
         Returns:
             (n,) N·m, in the order of `robot.joint_names`.
@@ -214,8 +221,13 @@ class Controller:
         Raises:
             FbidError: a sensor that is missing, of another shape or not finite; names it. The
                 controller has not gone on.
-            NonFiniteError: torques that are no numbers; it has to be reset then.
+            NonFiniteError: torques or heights that are no numbers; it has to be reset then, as
+                after heights of another shape.
         """
+        if not (callable(heights) if self.sees_ground else heights is None):
+            sees = "a function (K, 2) -> (K,): the policy sees the ground"
+            raise InvalidValueError("heights", heights, sees if self.sees_ground else _BLIND)
+        self._heights = heights
         state = self._state(sensors)
         terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))
         loop, effort = self.loop, self._effort
@@ -261,6 +273,16 @@ class Controller:
             reader.estimator.begin(np.zeros(1, int), self._where)
         self._estimating = True
         return reader.estimator.state
+
+    def _ground(self, points: np.ndarray) -> np.ndarray:
+        """Ask for the height of the ground, (1, K) m, below points (1, K, 2 or 3) m."""
+        assert self._heights is not None
+        shape = points.shape[1:2]
+        found = real_numbers("heights", self._heights(points[0, :, :2].copy()), f"numbers {shape}")
+        if found.shape != shape:
+            raise ShapeError("heights", found.shape, f"{shape}")
+        check_finite("heights", found)
+        return found[None].astype(float)
 
     def _zero(self, observation: np.ndarray) -> np.ndarray:
         return self._zero_action

@@ -9,7 +9,6 @@ import numpy as np
 from fbid_gym.motions.gait.command import Steering
 from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
-from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.observation import Groups
 from fbid_gym.tasks.outcome import Outcome
@@ -17,6 +16,9 @@ from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.reward import Terms
 from fbid_gym.tasks.start import Start
+
+Ground = Callable[[np.ndarray], np.ndarray]
+"""Tells how high the ground is, (N, K) m, below points (N, K, 2 or 3) m of the world."""
 
 
 class Now(NamedTuple):
@@ -89,7 +91,7 @@ class Task(Protocol):
         """Error of the velocity, m/s, up to which a robot follows its commands."""
         ...
 
-    def on(self, ground: HeightGrid) -> "Task":
+    def on(self, ground: Ground) -> "Task":
         """Return the task on other ground."""
         ...
 
@@ -188,7 +190,7 @@ class PlannedEpisode(Episode):
         """See `Task.tolerance`: there are no commands."""
         return np.inf
 
-    def on(self, ground: HeightGrid) -> Self:
+    def on(self, ground: Ground) -> Self:
         """Return the task itself: it does not see the ground."""
         return self
 

@@ -40,14 +40,14 @@ from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
-from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
+from fbid_gym.robots.terrain.grid import plane
 from fbid_gym.tasks.body import ANGULAR_VELOCITY, UP, Body, Units
-from fbid_gym.tasks.height_scan import SCAN, in_place, scan_heights
+from fbid_gym.tasks.height_scan import SCAN, in_place, scanned
 from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Terms
-from fbid_gym.tasks.task import Episode, Now
+from fbid_gym.tasks.task import Episode, Ground, Now
 from fbid_gym.tasks.walk_measures import (
     REWARD_TERMS,
     Notes,
@@ -77,7 +77,7 @@ class Walk(Episode):
         ramp: (least, most) s that half of the commands take to come; (0, 0): all come at once.
         lowered: (least, most) m by which the base is lower than the gait has it, in an episode.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
-        ground: its heights.
+        ground: tells its heights.
     """
 
     gait: Gait
@@ -86,7 +86,7 @@ class Walk(Episode):
     ramp: tuple[float, float]
     lowered: tuple[float, float]
     scan: np.ndarray
-    ground: HeightGrid
+    ground: Ground
 
     reward_terms: ClassVar[Terms] = REWARD_TERMS
 
@@ -150,7 +150,7 @@ class Walk(Episode):
             ground=plane(),
         )
 
-    def on(self, ground: HeightGrid) -> "Walk":
+    def on(self, ground: Ground) -> "Walk":
         """Return the task on other ground."""
         return replace(self, ground=ground)
 
@@ -199,10 +199,8 @@ class Walk(Episode):
         names = tuple(f"ground {x:.2f} m ahead, {y:.2f} m to the left (m)" for x, y in self.scan)
 
         def seen(measured: WalkMeasures) -> np.ndarray:
-            notes = measured.notes
-            return scan_heights(
-                self.ground, self.scan, measured.outcome.actual, notes.actual_ground
-            )
+            heights = self.ground(scanned(self.scan, measured.outcome.actual))
+            return heights - measured.notes.actual_ground[:, None]
 
         return {"scan": Group(names, 10.0, seen)}
 
@@ -301,9 +299,9 @@ class Walk(Episode):
         if not len(self.scan):
             return self._unknown
         if now.actual is now.terms:
-            return heights_below(self.ground, foothold)
+            return self.ground(foothold)
         places, above = in_place(foothold, now.terms(), now.actual())
-        return heights_below(self.ground, places) + above[:, None]
+        return self.ground(places) + above[:, None]
 
     @cached_property
     def _unknown(self) -> np.ndarray:

@@ -135,6 +135,15 @@ def test_rotors_in_links_and_not_contacts_shake_a_biped_on_stiff_joints():
     assert shaken[False] < 0.2 < 0.8 < min(shaken[True], in_bullet)
 
 
+def test_who_sees_the_ground_sees_that_bullets_is_level():
+    own = {"action_layer": "joint_position", "episode_seconds": 0.2}
+    found = [
+        in_bullet(Player("own", "fbid_gym/QuadrupedWalk-v0", own | sees, None), 1, 0, 1000)
+        for sees in ({}, {"height_scan": True})
+    ]
+    assert abs(found[0].velocity_error - found[1].velocity_error).max() < 0.05
+
+
 def test_what_bullet_cannot_do_is_one_error(monkeypatch):
     own = {"action_layer": "joint_position", "terrain": "obstacles"}
     for arguments, hz in ((own, 1000), ({"action_layer": "joint_position"}, 300)):

@@ -20,6 +20,7 @@ from fbid_gym.errors import (
 from fbid_gym.policy import Policy
 from fbid_gym.quantities import RobotState
 from fbid_gym.runtime import SENSORS, Controller
+from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,21 +51,14 @@ def sensed(state: RobotState) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_its_torques_are_those_of_the_environment(name, monkeypatch):
-    """Pushes and all, tick by tick, through a whole episode; and again after a reset."""
-    policy, seconds = Policy.load(f"shipped:{name}"), 4.0
-    arguments = {**ENVIRONMENTS[policy.env_id], **policy.env_args, "episode_seconds": seconds}
-    batch, controller = started(arguments, 1), Controller.load(policy, episode_seconds=seconds)
-    command, checked = None, None
-    if "command" in batch.loop.plan:
-        command = COMMAND if "Walk" in name else (0.97 * batch.task.body.size,)
-        checked = batch.check_command(np.squeeze(command), 1)
+def apart(monkeypatch, batch, controller, policy, command=None, heights=None) -> list[float]:
+    """Play two episodes: by how much the torques of both differ at each tick."""
+    checked = None if command is None else batch.check_command(np.squeeze(command), 1)
     taken, advance = [], batch.simulation.tick
 
     def tick(torque, push, effort, state):
         given = state if len(taken) % 2 else sensed(state)
-        torques = controller.tick(given)
+        torques = controller.tick(given, heights)
         advance(torque, push, effort, state)
         taken.append(np.abs(torques - effort.torque[0]).max())
 
@@ -79,8 +73,57 @@ def test_its_torques_are_those_of_the_environment(name, monkeypatch):
             step = batch.step(policy(batch.observation()))
             if step.terminated[0]:
                 break
+    return taken
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_its_torques_are_those_of_the_environment(name, monkeypatch):
+    """Pushes and all, tick by tick, through a whole episode; and again after a reset."""
+    policy, seconds = Policy.load(f"shipped:{name}"), 4.0
+    arguments = {**ENVIRONMENTS[policy.env_id], **policy.env_args, "episode_seconds": seconds}
+    batch, controller = started(arguments, 1), Controller.load(policy, episode_seconds=seconds)
+    command = None
+    if "command" in batch.loop.plan:
+        command = COMMAND if "Walk" in name else (0.97 * batch.task.body.size,)
+    taken = apart(monkeypatch, batch, controller, policy, command)
     assert len(taken) > seconds * batch.rates.control
     assert max(taken) < 1e-9
+
+
+def test_a_policy_that_sees_the_ground_is_told_its_heights(monkeypatch):
+    """By a function; its torques on stairs are those of the environment then."""
+    own = {"terrain": "stairs", "difficulty": 0.4, "height_scan": True, "episode_seconds": 3.0}
+    arguments = {**ENVIRONMENTS["fbid_gym/QuadrupedTerrain-v0"], **own}
+    arguments["action_layer"] = "base_acceleration"
+    batch = started(arguments, 1)
+    weights = np.random.default_rng(0).normal(0.0, 0.1, (len(batch.observation_names), 14))
+
+    def policy(seen):
+        return np.tanh(np.clip(seen, -1.0, 1.0) @ weights)
+
+    asked = []
+
+    def heights(places):
+        asked.append(places)
+        return batch.terrain.grid(places[None])[0]
+
+    controller = Controller(EnvConfig.of(arguments), policy)
+    taken = apart(monkeypatch, batch, controller, policy, COMMAND, heights)
+    assert len(taken) > batch.rates.control and max(taken) < 1e-9
+    assert np.ptp(np.concatenate([heights(places) for places in [*asked]])) > 0.01  # m, no plane
+    sensors = at_home(controller)
+    for wrong, error, words in (
+        (None, InvalidValueError, "heights: None. Expected a function.*sees the ground"),
+        (np.zeros(35), InvalidValueError, "heights"),
+        (lambda places: places, ShapeError, r"heights has shape \(35, 2\). Expected \(35,\)"),
+        (lambda places: places[:, 0] * np.nan, NonFiniteError, "heights"),
+    ):
+        controller.reset()
+        with pytest.raises(error, match=words):
+            controller.tick(sensors, wrong)
+    with pytest.raises(InvalidValueError, match="heights.*None: the policy does not see"):
+        blind = Controller.load(f"shipped:{SHIPPED[0]}")
+        blind.tick(sensors, heights)
 
 
 def at_home(controller: Controller) -> dict[str, np.ndarray]:
@@ -146,7 +189,7 @@ def test_a_policy_that_does_not_fit_is_refused():
     with pytest.raises(UnknownOptionError, match=r"environment 'mine/Walk-v0'.*task='walk'"):
         own = Policy.load(shipped)
         Controller.load(Policy(**{**vars(own), "env_id": "mine/Walk-v0"}))
-    with pytest.raises(InvalidValueError, match="height_scan"):
+    with pytest.raises(PolicyFileError, match="observation_size 62.*Expected 97"):
         Controller.load(shipped, height_scan=True)
     walker = Controller.load(shipped)
     with pytest.raises(ShapeError, match="command"):

@@ -15,6 +15,10 @@ class HeightGrid(NamedTuple):
     cell: float  # m between nodes
     elevation: np.ndarray  # (R, C) m at the nodes, at least 0; rows along y, columns along x
 
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Return the heights (N, K) m below points (N, K, 2 or 3) m."""
+        return heights_below(self, points)
+
 
 def plane() -> HeightGrid:
     """Return the plane alone."""
@@ -23,12 +27,12 @@ def plane() -> HeightGrid:
 
 @kernel
 def heights_below(grid: HeightGrid, points: np.ndarray) -> np.ndarray:
-    """Return how high the ground is, (N, F) m, below points (N, F, 3) m."""
-    count, feet = points.shape[:2]
-    found = np.empty((count, feet))
+    """Return how high the ground is, (N, K) m, below points (N, K, 2 or 3) m."""
+    count, places = points.shape[:2]
+    found = np.empty((count, places))
     for i in range(count):
-        for foot in range(feet):
-            found[i, foot] = height_at(grid, points[i, foot, 0], points[i, foot, 1])
+        for k in range(places):
+            found[i, k] = height_at(grid, points[i, k, 0], points[i, k, 1])
     return found
 
 
