@@ -53,7 +53,7 @@ def sensed(state: RobotState) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("name", SHIPPED)
 def test_its_torques_are_those_of_the_environment(name, monkeypatch):
     """Pushes and all, tick by tick, through a whole episode; and again after a reset."""
-    policy, seconds = Policy.load(f"shipped:{name}"), 4.0
+    policy, seconds = Policy.load(f"shipped:{name}"), 2.5
     arguments = {**ENVIRONMENTS[policy.env_id], **policy.env_args, "episode_seconds": seconds}
     batch, controller = started(arguments, 1), Controller.load(policy, episode_seconds=seconds)
     command, checked = None, None
