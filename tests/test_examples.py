@@ -1,8 +1,7 @@
-"""Examples run, each in a process of its own, and fit on a screen; code on the pages runs, too."""
+"""Examples run, and fit on a screen; code on the pages runs, too."""
 
-import os
 import re
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -39,22 +38,17 @@ PAGES = (
 )
 
 
-def run(*command: str, cwd: Path = ROOT) -> str:
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
-    done = subprocess.run(
-        [sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+pytestmark = pytest.mark.usefixtures("registries")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [path.stem for path in EXAMPLES])
-def test_it_runs(name):
+def test_it_runs(name, monkeypatch, capsys):
     if name in NEEDS:
         module, remedy = NEEDS[name]
         pytest.importorskip(module, reason=f"{module} is not installed: {remedy}")
-    assert run(f"examples/{name}.py", *SHORT[name]).strip()
+    monkeypatch.setattr(sys, "argv", [name, *SHORT[name]])
+    runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
+    assert capsys.readouterr().out.strip()
 
 
 def blocks(page: str) -> list[str]:
@@ -63,12 +57,13 @@ def blocks(page: str) -> list[str]:
     return [block for block in found if ".xml" not in block]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
-def test_code_on_a_page_runs(page, tmp_path):
+def test_code_on_a_page_runs(page, tmp_path, monkeypatch):
     """All of a page's, one block after another; what it writes is not left behind."""
     assert blocks(page)
-    run("-c", "\n".join(blocks(page)), cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "page.py").write_text("\n".join(blocks(page)))
+    runpy.run_path("page.py", run_name="__main__")
 
 
 def test_no_page_has_code_that_nothing_runs():

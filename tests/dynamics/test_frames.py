@@ -19,17 +19,6 @@ def vectors(rng, angle, count=50):
     return angle * unit(rng, count, 3)
 
 
-def force_to_pinocchio(force, rotation):
-    """X^-T f, of equal power. X is orthogonal, so X^-T = X."""
-    return frames.velocity_to_pinocchio(force, rotation)
-
-
-def acceleration_to_pinocchio(acceleration, velocity, rotation):
-    """a_pin = X a + Xdot v."""
-    moved = frames.velocity_to_pinocchio(acceleration, rotation)
-    return moved + frames.velocity_product(velocity, rotation)
-
-
 def to_quaternion(rotation_vectors):
     angle = np.linalg.norm(rotation_vectors, axis=-1, keepdims=True)
     return np.hstack((np.cos(angle / 2), rotation_vectors * np.sinc(angle / 2 / np.pi) / 2))
@@ -140,39 +129,3 @@ def test_velocity_product_is_the_rate_of_x_times_v(model, states, base, integrat
         actual = frames.velocity_product(qvel, rotation)
         assert np.linalg.norm(actual) > 0.1
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
-
-
-def test_power_energy_and_task_velocity_do_not_depend_on_coordinates(rng, states, base):
-    """What has a meaning without coordinates: f·v, vᵀMv and Jv."""
-    _, velocity = states
-    num, nv = velocity.shape
-    there = frames.velocity_to_pinocchio(velocity, base)
-    force = rng.normal(size=(num, nv))
-    power = np.vecdot(force_to_pinocchio(force, base), there)
-    np.testing.assert_allclose(power, np.vecdot(force, velocity), rtol=1e-12)
-
-    factor = rng.normal(size=(num, nv, nv))
-    matrix = factor @ factor.mT
-    energy = np.vecdot(there, np.matvec(matrix, there))
-    ours = frames.mass_matrix_from_pinocchio(matrix, base)
-    np.testing.assert_allclose(ours, ours.mT, atol=1e-13)
-    np.testing.assert_allclose(np.vecdot(velocity, np.matvec(ours, velocity)), energy, rtol=1e-12)
-
-    jacobian = rng.normal(size=(num, 4, nv))
-    task_velocity = np.matvec(jacobian, there)
-    ours = frames.jacobian_from_pinocchio(jacobian, base)
-    np.testing.assert_allclose(np.matvec(ours, velocity), task_velocity, rtol=1e-11, atol=1e-12)
-
-
-def test_equation_of_motion_holds_in_both_coordinates(rng, states, base):
-    """M_pin a_pin + h_pin = f_pin is M a + h = f with the converted terms."""
-    _, velocity = states
-    num, nv = velocity.shape
-    factor = rng.normal(size=(num, nv, nv))
-    matrix, bias, acceleration = factor @ factor.mT, *rng.normal(size=(2, num, nv))
-    there = acceleration_to_pinocchio(acceleration, velocity, base)
-    force = np.matvec(frames.mass_matrix_from_pinocchio(matrix, base), acceleration)
-    force += frames.bias_from_pinocchio(bias, matrix, velocity, base)
-    expected = np.matvec(matrix, there) + bias
-    actual = force_to_pinocchio(force, base)
-    np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-11)

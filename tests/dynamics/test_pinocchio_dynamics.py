@@ -72,15 +72,6 @@ def reference_velocity(robot):
     return evaluate
 
 
-def test_feet_move_as_in_mujoco(robot, random_states, reference_velocity, relative_error):
-    states = random_states(robot.model, 3)
-    terms = PinocchioDynamics(robot).terms(*states)
-    for index, state in enumerate(zip(*states, strict=True)):
-        velocity, jacobian = reference_velocity(*state)
-        assert relative_error(terms.foot_velocity[index], velocity) < EXACT
-        assert relative_error(terms.foot_jacobian[index], jacobian) < EXACT
-
-
 def test_foot_bias_is_the_rate_of_foot_velocity_at_constant_velocity(
     robot, random_states, reference_velocity, integrate
 ):

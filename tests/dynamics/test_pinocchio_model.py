@@ -35,24 +35,6 @@ def to_pinocchio(model, qpos, qvel):
     )
 
 
-def test_mass_matrix_and_bias_are_mujocos(model, states, relative_error):
-    pin_model = pinocchio_model(model)
-    pin_data = pin_model.createData()
-    data = mujoco.MjData(model)
-    expected = np.empty((model.nv, model.nv))
-    for data.qpos[:], data.qvel[:] in states:
-        mujoco.mj_forward(model, data)
-        mujoco.mj_fullM(model, data, expected)
-        q, v, _, rotation = to_pinocchio(model, data.qpos, data.qvel)
-        raw = pin.crba(pin_model, pin_data, q)
-        bias = pin.nonLinearEffects(pin_model, pin_data, q, v)
-        matrix = frames.mass_matrix_from_pinocchio(raw, rotation)
-        matrix[np.arange(6), np.arange(6)] += model.dof_armature[:6]
-        assert relative_error(matrix, expected) < 1e-9
-        bias = frames.bias_from_pinocchio(bias, raw, data.qvel, rotation)
-        assert relative_error(bias, data.qfrc_bias) < 1e-9
-
-
 def test_bodies_are_mujocos(model, states, relative_error):
     """Pose, Jacobian and acceleration at vdot = 0 of every body, welded and static ones too."""
     pin_model = pinocchio_model(model)

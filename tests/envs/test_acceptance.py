@@ -7,10 +7,10 @@ import pytest
 
 @pytest.mark.slow
 def test_the_zero_action_survives_pushes_of_100_newtons_from_any_side():
-    """5 s under pushes of 100 N for 150 ms, at least 95 of 100 episodes."""
+    """5 s under pushes of 100 N for 150 ms, at least 95 of 100 episodes: of 60, three may fall."""
     env = gym.make_vec(
         "fbid_gym:fbid_gym/BipedBalance-v0",
-        num_envs=100,
+        num_envs=60,
         num_threads=2,
         action_layer="base_acceleration",
         push_force=(100.0, 100.0),
@@ -18,12 +18,12 @@ def test_the_zero_action_survives_pushes_of_100_newtons_from_any_side():
         episode_seconds=5.0,
     )
     env.reset(seed=0)
-    fallen, pushes = np.zeros(100, bool), []
+    fallen, pushes = np.zeros(60, bool), []
     for _ in range(250):
         *_, terminated, _, info = env.step(np.zeros(env.action_space.shape))
         fallen |= terminated
         pushes.append(info["push"])
-    assert fallen.sum() <= 5
+    assert fallen.sum() <= 3
     sizes = np.linalg.norm(pushes, axis=2)
     np.testing.assert_allclose(sizes[sizes > 0], 100.0)
     # Everyone was pushed for at least once 150 ms, which is seven or eight policy steps.

@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from tests.batches import assert_same
+from tests.pairs import pairs
 
 NUM_ENVS = 4
 ARGUMENTS = {"action_layer": "torque", "episode_seconds": 0.44}
@@ -51,8 +52,7 @@ def assert_same_info(ours, theirs):
     assert not theirs.keys() - ours.keys()
 
 
-@pytest.mark.parametrize("name", list(ENVIRONMENTS)[:4])
-@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(("name", "mode"), pairs(list(ENVIRONMENTS)[:4], AutoresetMode, 1))
 def test_like_gymnasiums_sync_vector_env(name, mode, rng):
     ours, theirs = both(name, mode)
     np.testing.assert_array_equal(ours.reset(seed=3)[0], theirs.reset(seed=3)[0])

@@ -7,26 +7,9 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
-from tests.batches import RANDOM, SHORT
+from tests.envs.cases import BIPED, CASES
 from tests.pairs import pairs
 from tests.postures import turned
-
-BIPED, QUADRUPED, *_ = ENVIRONMENTS
-MEASURED = {"contacts": "measured"}
-EXACT = {"contact_limits": "none"}
-SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
-RAMPED = SCHEDULE | {"contact_ramp": 0.03}
-
-# Every environment, every layer; every way to assume contacts; with and without limits on forces.
-CASES = [
-    *((name, layer, None) for name, layer in pairs(ENVIRONMENTS, LAYERS, 1)),
-    *((BIPED, "base_acceleration", options) for options in (MEASURED, EXACT, RAMPED)),
-    (BIPED, "base_acceleration", MEASURED | EXACT),
-    (QUADRUPED, "base_acceleration", MEASURED),
-    (BIPED, "joint_acceleration", MEASURED),
-    (BIPED, "joint_position_feedforward", SCHEDULE | EXACT),
-    (QUADRUPED, "joint_acceleration", EXACT),
-]
 
 
 def actions(env, steps, size=0.6, seed=0):
@@ -35,14 +18,9 @@ def actions(env, steps, size=0.6, seed=0):
     return [rng.uniform(-size, size, shape).astype(np.float32) for _ in range(steps)]
 
 
-@pytest.mark.parametrize(
-    ("name", "layer", "options", "randomisation"),
-    [(*case, RANDOM if i % 2 else None) for i, case in enumerate(CASES)],
-)
-def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation):
+@pytest.mark.parametrize(("name", "arguments"), CASES)
+def test_a_batch_is_its_scalar_environments(name, arguments):
     """Bit for bit, on several threads, across ends of episodes: no row sees the others."""
-    arguments = SHORT | {"action_layer": layer, "layer_options": options}
-    arguments["randomisation"] = randomisation
     num_envs = 3
     batch = gym.make_vec(name, num_envs=num_envs, num_threads=2, **arguments)
     alone = [gym.make(name, **arguments) for _ in range(num_envs)]

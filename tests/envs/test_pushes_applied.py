@@ -6,15 +6,20 @@ import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.pairs import pairs
 
 ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_seconds": 1.0}
 
 
 # At the light physics of walking a tick is too long for the law to hold this well.
 @pytest.mark.parametrize(
-    "name", [name for name, given in ENVIRONMENTS.items() if given["task"] != "walk"]
+    ("name", "rates"),
+    pairs(
+        [name for name, given in ENVIRONMENTS.items() if given["task"] != "walk"],
+        [{}, {"physics_hz": 500, "control_hz": 250, "policy_hz": 50}],
+        1,
+    ),
 )
-@pytest.mark.parametrize("rates", [{}, {"physics_hz": 500, "control_hz": 250, "policy_hz": 50}])
 def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     """Without gravity and far above the ground nothing else acts on the robot.
 

@@ -1,6 +1,5 @@
 """Tasks and layers of a user's: what is refused of them, and that they work."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple
 
@@ -20,14 +19,7 @@ from fbid_gym.tasks.outcome import Outcome
 ENV = "fbid_gym/QuadrupedBalance-v0"
 
 
-@pytest.fixture(autouse=True)
-def registries() -> Iterator[None]:
-    """As they were, afterwards."""
-    kept = [(registry, dict(registry)) for registry in (LAYERS, TASKS)]
-    yield
-    for registry, before in kept:
-        registry.clear()
-        registry.update(before)
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 @dataclass(frozen=True)

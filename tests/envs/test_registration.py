@@ -90,7 +90,7 @@ def test_the_zero_action_stands(name, layer):
     elif ENVIRONMENTS[name]["task"] == "walk":  # the command is to stand
         ranges = ("forward_range", "sideways_range", "turning_range")
         arguments |= dict.fromkeys(ranges, (0.0, 0.0))
-    env = gym.make_vec(name, num_envs=8, action_layer=layer, **arguments)
+    env = gym.make_vec(name, num_envs=4, action_layer=layer, **arguments)
     env.reset(seed=1)
     seconds = STANDS.get(layer, 2.0)
     for _ in range(round(seconds * 50)):

@@ -21,8 +21,10 @@ from tests.dynamics.models import ASSETS
 from tests.pairs import pairs
 
 BIPED = "fbid_gym/BipedBalance-v0"
-SHAPE = (480, 640, 3)
-ARGUMENTS = {"action_layer": "joint_position", "render_mode": "rgb_array"}
+SHAPE = (240, 320, 3)  # a picture of the usual size takes four times as long
+ARGUMENTS = {
+    "action_layer": "joint_position", "render_mode": "rgb_array", "width": 320, "height": 240,
+}  # fmt: skip
 EVERYTHING = dict.fromkeys(LABELS, True)
 DRAWN = ARGUMENTS | {"render_options": EVERYTHING}
 
@@ -63,7 +65,7 @@ def test_a_push_is_an_arrow():
     pushed = env.render().astype(int)
     red = (pushed[..., 0] > 150) & (pushed[..., 1:].max(axis=2) < 100)
     changed = (pushed != plain).any(axis=2)
-    assert 100 < (red & changed).sum() < 20000
+    assert 25 < (red & changed).sum() < 5000
     assert not ((plain[..., 0] > 150) & (plain[..., 1:].max(axis=2) < 100)).any()
     env.close()
 

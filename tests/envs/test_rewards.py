@@ -1,6 +1,5 @@
 """Rewards and observations that people can change: laws of every task's tables."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import gymnasium as gym
@@ -25,15 +24,7 @@ NAMES = (
 )
 
 
-@pytest.fixture(autouse=True)
-def registries() -> Iterator[None]:
-    """As they were, afterwards."""
-    kept = dict(TASKS)
-    yield
-    TASKS.clear()
-    TASKS.update(kept)
-    for kind in TASKS.values():
-        kind.own_terms.clear()
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 def on_the_way(name: str, **arguments: Any) -> EnvBatch:

@@ -66,10 +66,9 @@ def test_seeding():
     assert (unseeded[0] != unseeded[1]).any()
 
 
-@pytest.mark.parametrize("name", list(ENVIRONMENTS)[::4])
-def test_ppo_learns_from_it(name):
+def test_ppo_learns_from_it():
     """A few steps of the real thing, with the wrappers that one puts around it."""
-    envs = fbid_gym.make_sb3(name, 4, seed=0, action_layer="joint_position", episode_seconds=0.4)
+    envs = fbid_gym.make_sb3(BIPED, 4, seed=0, action_layer="joint_position", episode_seconds=0.4)
     envs = VecNormalize(envs, norm_reward=False)
     model = PPO("MlpPolicy", envs, n_steps=32, batch_size=64, n_epochs=1, seed=0, device="cpu")
     before = [p.detach().clone() for p in model.policy.parameters()]

@@ -4,20 +4,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import fbid_gym
 from fbid_gym.errors import FbidError
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
-LAYER = {"action_layer": "base_acceleration", "sensors": "mems"}
-SHORT = {
-    "episode_seconds": 0.3,
-    "push_duration": 0.05,
-    "push_interval": (0.1, 0.2),
-    "push_velocity": (0.0, 0.2),
-}
-ROBOT = {"observation": "measured+estimate", "history": 2}
 
 
 def arguments(**more):
@@ -67,36 +58,6 @@ def test_reward_and_metrics_are_those_of_the_truth_and_the_policy_sees_the_estim
     seen, actual = step.observation[:, up], terms.world_from_base[:, 2]
     tilt = np.arccos(np.clip(np.vecdot(seen, actual), -1.0, 1.0))
     np.testing.assert_allclose(tilt, step.info["estimate_tilt_error"], atol=2e-3)
-
-
-def test_a_batch_is_its_scalar_environments_and_episodes_go_on_to_the_bit():
-    more = LAYER | SHORT | ROBOT | {"randomisation": {"action_delay": (0.0, 0.02)}}
-    more["sensors"] = {
-        "like": "mems", "contact_errors": 0.1, "imu_latency": (0.0, 0.01), "encoder_rate": 125,
-    }  # fmt: skip
-    envs = gym.make_vec(WALK, num_envs=3, **more)
-    seen, _ = envs.reset(seed=5)
-    alone = [gym.make(WALK, **more) for _ in range(3)]
-    rng = np.random.default_rng(0)
-    for i, env in enumerate(alone):
-        np.testing.assert_array_equal(env.reset(seed=5 + i)[0], seen[i])
-    for _ in range(10):
-        action = rng.uniform(-0.5, 0.5, envs.action_space.shape).astype(np.float32)
-        together = envs.step(action)
-        for i, env in enumerate(alone):
-            own = env.step(action[i])
-            np.testing.assert_array_equal(own[0], together[0][i])
-            assert own[1] == together[1][i]
-    first, second = (fbid_gym.make_sb3(WALK, num_envs=3, seed=s, **more) for s in (1, 2))
-    first.reset()
-    second.reset()
-    for _ in range(4):
-        first.step(np.zeros((3, len(first.action_names))))
-    second.load_state_dict(first.state_dict())
-    for _ in range(20):  # over the ends of episodes
-        action = rng.uniform(-0.5, 0.5, (3, len(first.action_names)))
-        for one, other in zip(first.step(action)[:3], second.step(action)[:3], strict=True):
-            np.testing.assert_array_equal(one, other)
 
 
 def test_groups_of_an_observation_for_robots():

@@ -4,23 +4,10 @@ import numpy as np
 import pytest
 
 import fbid_gym
-from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError
-from tests.batches import RANDOM, SHORT, assert_same
-from tests.pairs import pairs
-
-BIPED, QUADRUPED, *_ = ENVIRONMENTS
-CASES = [
-    *((name, layer, None) for name, layer in pairs(ENVIRONMENTS, LAYERS, 1)),
-    (BIPED, "base_acceleration", {"contacts": "measured"}),
-    (
-        BIPED,
-        "base_acceleration",
-        {"contacts": [(0.1, ["left"]), (0.1, ["right"])], "contact_ramp": 0.05},
-    ),
-    (QUADRUPED, "joint_acceleration", {"contact_limits": "none"}),
-]
+from tests.batches import assert_same
+from tests.envs.cases import BIPED, CASES, QUADRUPED
 
 
 def assert_same_steps(ours, theirs, rng, steps):
@@ -37,19 +24,19 @@ def assert_same_steps(ours, theirs, rng, steps):
                 np.testing.assert_array_equal(*observations)
                 for key in ("r", "l"):  # and not the time that it took
                     assert info["episode"][key] == expected["episode"][key]
-        assert_same(ours.last_info, theirs.last_info)
+        told, expected = ours.last_info, theirs.last_info
+        # NumPy rounds sines of two and of three robots differently, of which this is told.
+        far = {key for key in told if key.startswith("estimate_")}
+        assert_same(*({k: v for k, v in info.items() if k not in far} for info in (told, expected)))
+        for key in far:
+            np.testing.assert_allclose(told[key], expected[key], atol=1e-12, err_msg=key)
         ends += one[2].sum()
     return ends
 
 
-@pytest.mark.parametrize(
-    ("name", "layer", "options", "randomisation"),
-    [(*case, RANDOM if i % 2 else None) for i, case in enumerate(CASES)],
-)
-def test_a_state_continues_on_another_object(name, layer, options, randomisation, rng):
+@pytest.mark.parametrize(("name", "arguments"), CASES)
+def test_a_state_continues_on_another_object(name, arguments, rng):
     """In the middle of episodes and pushes, on another number of threads, through episode ends."""
-    arguments = SHORT | {"action_layer": layer, "layer_options": options}
-    arguments["randomisation"] = randomisation
     first = fbid_gym.make_sb3(name, 3, seed=1, **arguments)
     first.reset()
     for _ in range(8):

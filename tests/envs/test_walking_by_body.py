@@ -33,7 +33,7 @@ def walking(like, layer, count, **arguments):
 @pytest.mark.parametrize("robot", WALKS)
 @pytest.mark.parametrize("layer", LAYERS)
 def test_a_zero_action_walks_upright(robot, layer):
-    batch, zero = walking(robot, layer, 8)
+    batch, zero = walking(robot, layer, 4)
     up = [f"up direction {axis} (base frame)" for axis in "xyz"]
     vertical = [batch.observation_names.index(name) for name in up]
     for _ in range(5 * batch.rates.policy):
@@ -121,7 +121,7 @@ def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
 @pytest.mark.parametrize("seed", SPARE_JOINTS)
 @pytest.mark.parametrize("layer", LAYERS)
 def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
-    batch, zero = walking("go1", layer, 8, robot=zoo.built(zoo.draw(seed)))
+    batch, zero = walking("go1", layer, 4, robot=zoo.built(zoo.draw(seed)))
     home = batch.robot.home_qpos[7:]
     for _ in range(5 * batch.rates.policy):
         step = batch.step(zero)

@@ -1,6 +1,5 @@
 """The benchmark of layers: what it says of a known layer, and of files that cannot be run."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +23,7 @@ register_layer("twin", LAYERS["joint_position"])
 SHORT = ["--episodes", "3", "--seconds", "0.1", "--only", "robot=go1", "task=walk", "--against"]
 
 
-@pytest.fixture(autouse=True)
-def kept() -> Iterator[None]:
-    """Layers that a test registers are forgotten after it."""
-    before = dict(actions.LAYERS)
-    yield
-    actions.LAYERS.clear()
-    actions.LAYERS.update(before)
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 def test_a_twin_is_as_good_as_its_brother(

@@ -1,7 +1,7 @@
 """Nonsense on command lines: one line on standard error, exit status 2, and nothing is written."""
 
+import runpy
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -140,10 +140,14 @@ def test_nonsense_is_one_line(main, capsys, tmp_path, monkeypatch):
         assert sorted(tmp_path.rglob("*")) == before, words
 
 
-@pytest.mark.parametrize("module", ["fbid_gym.envs", "fbid_gym.compile_all", "train.recipes.zoo"])
-def test_what_takes_no_arguments_does_nothing_with_any(module):
-    command = [sys.executable, "-m", module, "--nonsense"]
-    root = Path(__file__).parents[2]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.endswith("error: unrecognized arguments: --nonsense\n")
+@pytest.mark.parametrize(
+    "module", ["fbid_gym.envs.__main__", "fbid_gym.compile_all", "train.recipes.zoo"]
+)
+def test_what_takes_no_arguments_does_nothing_with_any(module, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [module, "--nonsense"])
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    told = capsys.readouterr()
+    assert (ended.value.code, told.out) == (2, "")
+    assert told.err.endswith("error: unrecognized arguments: --nonsense\n")

@@ -17,8 +17,12 @@ from tests.robots.similar import moved, similar
 
 @functools.cache
 def crawled(robot: str | int) -> Crawl:
-    """The crawl of a built-in robot or of one of the zoo."""
-    return crawl(load(robot) if robot in ROBOTS else zoo.built(zoo.draw(robot)))
+    """The crawl of a robot, built in or of the zoo: at its least and greatest speed.
+
+    The quadruped's is planned in between, too.
+    """
+    own = load(robot) if robot in ROBOTS else zoo.built(zoo.draw(robot))
+    return crawl(own) if robot == "quadruped" else crawl(own, gait_for(own, 500)._replace(tables=2))
 
 
 @pytest.fixture(scope="module")

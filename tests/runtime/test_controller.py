@@ -79,7 +79,7 @@ def apart(monkeypatch, batch, controller, policy, command=None, heights=None) ->
 @pytest.mark.parametrize("name", SHIPPED)
 def test_its_torques_are_those_of_the_environment(name, monkeypatch):
     """Pushes and all, tick by tick, through a whole episode; and again after a reset."""
-    policy, seconds = Policy.load(f"shipped:{name}"), 4.0
+    policy, seconds = Policy.load(f"shipped:{name}"), 2.5
     arguments = {**ENVIRONMENTS[policy.env_id], **policy.env_args, "episode_seconds": seconds}
     batch, controller = started(arguments, 1), Controller.load(policy, episode_seconds=seconds)
     command = None

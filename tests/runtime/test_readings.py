@@ -25,7 +25,7 @@ def read(estimator) -> dict[str, np.ndarray]:
     return found | {"fresh": own.fresh[0]}
 
 
-def side_by_side(monkeypatch, policy, given=lambda sensors: sensors, steps=150, **more):
+def side_by_side(monkeypatch, policy, given=lambda sensors: sensors, steps=100, **more):
     """Drive a simulation, whose readings the controller has: by how much their torques differ.
 
     And the batch, and by how much their readings differ at the last tick, by name.

@@ -1,15 +1,14 @@
 """A small deterministic environment that stands in for the robots, for fast tests.
 
-Point masses on a line are pushed at random and must stay near the origin. Run as a program it
-trains on them and is killed: `python stand_in.py CONFIG_JSON STEP SIGNAL` sends itself the signal
-in the given step of the training environment. With "real" in its configuration it trains robots.
+Point masses on a line are pushed at random and must stay near the origin. `train_and_die` trains on
+them, or on robots, in a process that sends itself a signal in a given step.
 """
 
 import csv
 import json
+import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -201,7 +200,6 @@ def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
 
 
 WALL = ("wall_seconds", "fps")
-HERE = Path(__file__).parent
 
 
 def train(folder: Path, **changes: Any) -> Path:
@@ -209,20 +207,37 @@ def train(folder: Path, **changes: Any) -> Path:
     return training.main(config(folder, **changes), make)
 
 
-def train_and_die(folder: Path, step: int, number: int = signal.SIGKILL, **changes: Any) -> str:
+# A server imports what trains once, and forks a process for each training that shall die.
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(["train.training"])
+
+
+def train_and_die(
+    folder: Path,
+    step: int,
+    number: int = signal.SIGKILL,
+    *,
+    real: bool = False,
+    **changes: Any,
+) -> str:
     """Train in a process of its own that gets a signal in the given step; return its output."""
-    done = subprocess.run(
-        [
-            *(sys.executable, str(HERE / "stand_in.py")),
-            *(json.dumps({"out": str(folder), **changes}), str(step), str(int(number))),
-        ],
-        env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == (-number if number == signal.SIGKILL else 130), done.stderr
-    return done.stdout
+    log = folder.with_name(f"{folder.name}.log")
+    own = config(folder, **changes)
+    process = _SERVER.Process(target=_train_dying, args=(own, step, int(number), real, log))
+    process.start()
+    process.join(120.0)
+    died = -number if number == signal.SIGKILL else 130
+    assert process.exitcode == died, log.read_text()
+    return log.read_text()
+
+
+def _train_dying(own: TrainConfig, step: int, number: int, real: bool, log: Path) -> None:
+    output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(output, 1), os.dup2(output, 2)
+    try:
+        training.main(own, make_dying(step, number, training.make_sb3 if real else make))
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 def rows(file: Path) -> list[dict[str, str]]:
@@ -250,13 +265,3 @@ def assert_same_run(one: Path, other: Path) -> None:
         assert curve(one / name) == curve(other / name)
     for name in ("policy.safetensors", "policy_best.safetensors"):
         assert (one / name).read_bytes() == (other / name).read_bytes()
-
-
-if __name__ == "__main__":
-    changes = json.loads(sys.argv[1])
-    maker = training.make_sb3 if changes.pop("real", False) else make
-    dying = make_dying(int(sys.argv[2]), int(sys.argv[3]), maker)
-    try:
-        training.main(config(Path(changes.pop("out")), **changes), dying)
-    except KeyboardInterrupt:
-        sys.exit(130)

@@ -1,6 +1,7 @@
 """[M10] III-B.6: inertial parameters from motion, in the space where contact forces vanish."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,7 @@ _METHODS = {
 }
 
 
+@cache
 def held_out(robot: Robot) -> dict[str, tuple[MotionTable, Target]]:
     """Return motions of the other experiments, and what they have at every fifth tick."""
     motions = {

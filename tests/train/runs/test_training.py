@@ -1,13 +1,8 @@
-import io
-import os
-from pathlib import Path
-
 import stand_in
-from rich.console import Console
 
 from train.ppo import main
-from train.runs.config import EvaluationConfig, TrainConfig
-from train.runs.jobs import Progress, run_jobs
+from train.runs.config import EvaluationConfig
+from train.runs.jobs import Progress
 from train.runs.training import log_of, progress, standing, training_job
 
 
@@ -43,14 +38,3 @@ def test_what_nobody_evaluates_is_done_when_its_policy_is_there(tmp_path):
     assert standing(config).state == "99%"
     main(config, stand_in.make)
     assert standing(config).state == "done"
-
-
-def test_a_training_that_is_refused_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
-    console = Console(file=io.StringIO(), width=200)
-    job = training_job("a", TrainConfig(action_layer="flying", out=tmp_path / "run"))
-    assert run_jobs([job], 2, console) == [job]
-    text = console.file.getvalue()  # type: ignore[attr-defined]
-    assert "a failed with status 2" in text
-    assert "Unknown action layer 'flying'. Valid choices:" in text
-    assert os.listdir(tmp_path) == ["logs"]

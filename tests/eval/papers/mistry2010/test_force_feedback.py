@@ -125,18 +125,6 @@ def test_eq_8_to_the_letter_for_any_force(
     np.testing.assert_array_equal(found.acceleration[:, 6:], system.acceleration[:, 6:])
 
 
-def test_base_rows_of_the_command_do_not_enter_eq_8(
-    make_system: Callable[..., Any], rng: np.random.Generator
-) -> None:
-    system = make_system("two flat feet")
-    force = rng.normal(0.0, 100.0, system.jacobian_bias.shape)
-    other = system.acceleration.copy()
-    other[:, :6] += rng.normal(0.0, 10.0, (len(other), 6))
-    first = force_feedback(equation(system), force)
-    second = force_feedback(equation(system._replace(acceleration=other)), force)
-    np.testing.assert_array_equal(first.torque, second.torque)
-
-
 def test_a_wrong_force_costs_what_the_law_says(
     make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
 ) -> None:
@@ -288,28 +276,3 @@ def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(
         )
     assert eigenvalue > 0.05
     assert powers.sum() == pytest.approx(1.0 / eigenvalue, rel=1e-3)
-
-
-def test_a_sick_robot_harms_no_other_in_the_force_laws(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray]
-) -> None:
-    system = make_system("two flat feet")
-    torque = torque_of(system)
-    sick = system._replace(
-        mass_matrix=system.mass_matrix.copy(),
-        bias=system.bias.copy(),
-        jacobian=system.jacobian.copy(),
-    )
-    sick.mass_matrix[1], sick.bias[1], sick.jacobian[1] = np.nan, np.nan, np.nan
-    for healthy, other in (
-        (
-            estimated_force(equation(system), torque),
-            estimated_force(equation(sick), torque),
-        ),
-        (
-            inertia_weighted(equation(system)),
-            inertia_weighted(equation(sick)),
-        ),
-    ):
-        for before, after in zip(healthy, other, strict=True):
-            np.testing.assert_array_equal(np.delete(before, 1, 0), np.delete(after, 1, 0))

@@ -142,16 +142,6 @@ def test_without_a_metric_units_choose_the_torque(describe: Callable[..., Case])
     assert (off > 0.1).all()
 
 
-def test_hinges_alone_need_no_metric(make_system: Callable[..., Any]) -> None:
-    """All joints alike: a length metric scales every torque's cost and changes nothing."""
-    system = make_system("two flat feet")
-    plain = orthogonal_inverse_dynamics(*system.law)
-    system = system._replace(acceleration=plain.acceleration)
-    metric = length_metric([True] * (system.bias.shape[1] - 6), LEG)
-    found = metric_inverse_dynamics(Equation(*system.law), metric)
-    np.testing.assert_allclose(found.torque, plain.torque, atol=1e-7)
-
-
 def random_metrics(rng: np.random.Generator, count: int, size: int) -> np.ndarray:
     """(count, size, size) symmetric positive definite."""
     factor = rng.normal(size=(count, size, size + 3))
@@ -222,16 +212,3 @@ def test_the_inertia_metric_is_where_previous_torques_lead(
 def test_length_metric_says_what_a_radian_counts() -> None:
     metric = length_metric([True, False], 0.5)
     np.testing.assert_array_equal(metric, np.diag([1, 1, 1, 0.25, 0.25, 0.25, 0.25, 1]))
-
-
-def test_a_sick_robot_harms_no_other_in_its_metric(make_system: Callable[..., Any]) -> None:
-    system = make_system("two flat feet")
-    healthy = metric_inverse_dynamics(Equation(*system.law), system.mass_matrix)
-    mass_matrix = system.mass_matrix.copy()
-    mass_matrix[1] = np.nan
-    sick = metric_inverse_dynamics(
-        Equation(*system._replace(mass_matrix=mass_matrix).law), mass_matrix
-    )
-    assert np.isnan(sick.torque[1]).all()
-    for before, after in zip(healthy, sick, strict=True):
-        np.testing.assert_array_equal(np.delete(before, 1, 0), np.delete(after, 1, 0))
