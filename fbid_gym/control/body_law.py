@@ -49,13 +49,17 @@ from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.rotations import rotation_at, turned_left
 from fbid_gym.dynamics.stance import Limbs
 from fbid_gym.dynamics.vectors import (
+    NOTHING,
     Rotation,
     Vector,
     add,
+    add_share,
     cross,
     matrix,
     product,
     scale,
+    six,
+    store_six,
     subtract,
     transposed,
     turn,
@@ -365,11 +369,10 @@ def _move(
 def _base_rows(mass: float, work: Work) -> None:
     """Write rows of the centre of mass in x and y, the base's height and its rotation."""
     for row in range(6):
-        for column in range(6):
-            if row < 2:
-                work.rows[row, column] = work.reach[row, column] / mass
-            else:
-                work.rows[row, column] = 1.0 if row == column else 0.0
+        share = 1.0 / mass if row < 2 else 0.0
+        store_six(add_share(NOTHING, share, six(work.reach, (row,))), work.rows, (row,))
+        if row >= 2:
+            work.rows[row, row] = 1.0
         for k in range(len(work.free)):
             work.other_rows[row, k] = work.by_others[row, k] / mass if row < 2 else 0.0
 

@@ -120,19 +120,18 @@ def nearest_force(free: Vector, limits: Vector) -> Nearest:
 @compiled
 def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     """Update a point from its dual; returns the norm of the gradient."""
-    wrenches, missing = problem.wrenches, point.missing
-    for row in range(6):
-        missing[row] = -problem.wrench[row]
+    wrenches, missing = problem.wrenches, add_share(NOTHING, -1.0, six(problem.wrench, ()))
     for i in range(problem.number[0]):
         free = _free_force(wrenches, point.dual, i)
         store(free, point.free, (i,))
         nearest = nearest_force(free, vector(problem.limits, (i,)))
         store(nearest.force, point.force, (i,))
         x, y, z = nearest.force
-        for row in range(6):
-            missing[row] += x * wrenches[i, 0, row] + y * wrenches[i, 1, row]
-            missing[row] += z * wrenches[i, 2, row]
-    _go(missing, point.dual, regularisation, point.gradient)
+        missing = add_share(missing, x, six(wrenches, (i, 0)))
+        missing = add_share(missing, y, six(wrenches, (i, 1)))
+        missing = add_share(missing, z, six(wrenches, (i, 2)))
+    store_six(missing, point.missing, ())
+    _go(point.missing, point.dual, regularisation, point.gradient)
     return np.sqrt(dot(point.gradient, point.gradient))
 
 
@@ -162,17 +161,15 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, newton: St
         jacobian[row, row] = regularisation
     for i in range(problem.number[0]):
         free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
-        friction, lowest, highest = limits
+        (friction, lowest, highest), wrenches = limits, problem.wrenches[i]
         nearest = nearest_force(free, limits)
-        wrenches = problem.wrenches[i]
         if nearest.ratio >= 1.0:
             for axis in range(3 if nearest.force[2] == free[2] else 2):
                 _add_dyad(1.0, wrenches[axis], jacobian)
         elif nearest.force[2] > 0.0:
             x, y = free[0] / nearest.slide, free[1] / nearest.slide
             first, second = six(wrenches, (0,)), six(wrenches, (1,))
-            across = add_share(add_share(NOTHING, x, second), -y, first)
-            store_six(across, newton.way, ())
+            store_six(add_share(add_share(NOTHING, x, second), -y, first), newton.way, ())
             _add_dyad(nearest.ratio, newton.way, jacobian)
             if lowest <= nearest.cone <= highest:
                 along = add_share(six(wrenches, (2,)), friction * x, first)
@@ -190,8 +187,7 @@ def _add_dyad(size: float, way: np.ndarray, jacobian: np.ndarray) -> None:
 @compiled
 def _go(start: np.ndarray, change: np.ndarray, step: float, end: np.ndarray) -> None:
     """Write start + step change to `end`."""
-    for i in range(len(end)):
-        end[i] = start[i] + step * change[i]
+    store_six(add_share(six(start, ()), step, six(change, ())), end, ())
 
 
 @compiled
@@ -291,8 +287,7 @@ def _newton(
             return error, taken
         least, shortened, taken = error, False, taken + 1
         jacobian_at(problem, regularisation, point, newton)
-        for row in range(6):
-            change[row] = -point.gradient[row]
+        store_six(add_share(NOTHING, -1.0, six(point.gradient, ())), change, ())
         lift(jacobian, regularisation)
         factor(jacobian)
         solve_factored(jacobian, change)
@@ -321,9 +316,8 @@ def room_for(points: int) -> Room:
 
 @compiled
 def _room_for_point(points: int) -> Point:
-    return Point(
-        np.empty(6), np.empty((points, 3)), np.empty((points, 3)), np.empty(6), np.empty(6)
-    )
+    six_each, three_each = np.empty((3, 6)), np.empty((2, points, 3))
+    return Point(six_each[0], three_each[0], three_each[1], six_each[1], six_each[2])
 
 
 @compiled
@@ -357,8 +351,7 @@ def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> boo
     solve_factored(gram, dual)
     if not _are_inside(problem, dual, point.force):
         return False
-    for row in range(6):
-        point.missing[row] = -ridge * dual[row]
+    store_six(add_share(NOTHING, -ridge, six(dual, ())), point.missing, ())
     return True
 
 
@@ -445,8 +438,7 @@ def _in_rounds(room: Room, accuracy: Accuracy, tolerance: float) -> tuple[float,
     for k in range(len(_ROUNDS)):
         own = _ROUNDS[k] == 0.0
         if k == 1:
-            for row in range(6):
-                room.point.dual[row] = 0.0
+            store_six(NOTHING, room.point.dual, ())
         if not own and _ROUNDS[k] <= eps:
             continue
         stage, goal = (eps, tolerance) if own else (_ROUNDS[k], rough)

@@ -309,18 +309,15 @@ def _solve_six(factors: np.ndarray, columns: np.ndarray) -> None:
     """Do the same as `solve_factored_columns`, faster: columns (a, 6) are of a known number."""
     size = len(columns)
     for i in range(size):
+        sums = six(columns, (i,))
         for k in range(i):
-            share = factors[i, k]
-            for j in range(6):
-                columns[i, j] -= share * columns[k, j]
-    for i in range(size):
-        for j in range(6):
-            columns[i, j] *= factors[i, i]
+            sums = add_share(sums, -factors[i, k], six(columns, (k,)))
+        store_six(sums, columns, (i,))
     for i in range(size - 1, -1, -1):
-        for k in range(i):
-            share = factors[i, k]
-            for j in range(6):
-                columns[k, j] -= share * columns[i, j]
+        sums = add_share(NOTHING, factors[i, i], six(columns, (i,)))
+        for k in range(i + 1, size):
+            sums = add_share(sums, -factors[k, i], six(columns, (k,)))
+        store_six(sums, columns, (i,))
 
 
 @compiled
@@ -484,10 +481,7 @@ def move_with_feet(
             offset[k] = motion.reference[j] if j >= 0 else 0.0
         if feet.asked[i, foot] != FREE:
             for row in range(rows):
-                total = asked[row]
-                for k in range(joints):
-                    total -= by_leg[row, k] * offset[k]
-                asked[row] = total
+                asked[row] -= dot(by_leg[row], offset)
             copy(asked, force)
             solve_factored(work.gain[foot], force)
             for k in range(joints):
@@ -496,21 +490,17 @@ def move_with_feet(
                     total += by_leg[row, k] * force[row]
                 offset[k] += work.weight[foot, k] * total
             if feet.asked[i, foot] == STANDS or limbs.able[foot]:
-                for column in range(6):
-                    total = 0.0
-                    for row in range(rows):
-                        total += work.spread[foot, row, column] * asked[row]
-                    base[column] += total
+                sums = six(base, ())
+                for row in range(rows):
+                    sums = add_share(sums, asked[row], six(work.spread, (foot, row)))
+                store_six(sums, base, ())
         else:
             for k in range(joints):
                 j = limbs.legs[foot, k]
                 for row in range(6):
                     mass[row, k] = terms.mass_matrix[i, row, j] if j >= 0 else 0.0
         for row in range(6):
-            total = 0.0
-            for k in range(joints):
-                total += mass[row, k] * offset[k]
-            momentum[row] += total
+            momentum[row] += dot(mass[row], offset)
     solve_factored(work.metric, base)
     for row in range(6):
         momentum[row] += dot(work.reach[row], base)
@@ -539,13 +529,13 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
             other_rows[row, k] *= worth
     _solve_six(work.metric, columns)
     for row in range(6):
+        sums = NOTHING
+        for column in range(6):
+            sums = add_share(sums, rows[row, column], six(columns, (column,)))
+        store_six(sums, lower, (row,))
         for other in range(row + 1):
-            total = 0.0
-            for column in range(6):
-                total += rows[row, column] * columns[column, other]
             for k in range(others):
-                total += other_rows[row, k] * other_rows[other, k] * free[k]
-            lower[row, other] = total
+                lower[row, other] += other_rows[row, k] * other_rows[other, k] * free[k]
         if row >= size:
             # It is not asked for: nothing is left to do there.
             lower[row, row] = _FAR
@@ -662,8 +652,7 @@ def yield_to_limits(
     for row in range(6):
         least[row] = _FAINT * np.sqrt(linear if row < 3 else angular)
         work.share[row] = missing[row] / nearness[row]
-        for column in range(6):
-            work.rows[row, column] = work.reach[row, column]
+        store_six(six(work.reach, (row,)), work.rows, (row,))
         for k in range(len(work.free)):
             work.other_rows[row, k] = work.by_others[row, k]
     serve_body(6, least, work, motion)
@@ -713,8 +702,7 @@ def missing_directions(terms: DynamicsTerms, i: int, work: Work) -> float:
     Six where there are none, three on one point, one on points of a line.
     """
     count, longest, widest, far = work.forces.problem.number[0], 0.0, 0.0, (0.0, 0.0, 0.0)
-    # The point farthest from the first one, then the one farthest from the line through both;
-    # squares of distances, and of areas.
+    # The point farthest from the first one, then the one farthest from the line through both.
     for stage in range(2):
         for point in range(count):
             away = subtract(_place(terms, i, work, point), _place(terms, i, work, 0))

@@ -96,7 +96,7 @@ class LiveTerms:
         velocities = _Velocities(batch.state, column_of(batch.bind("qvel"), batch))
         # What is zero in one state is zero in all, and feet go as their base does.
         self._terms = zero_terms(robot, len(batch.state))
-        self._terms.foot_jacobian[:, :, :3, :3] = np.eye(3)
+        self._terms.foot_jacobian[..., :3, :3] = np.eye(3)
         self._all = np.ones(len(batch.state), bool)
         self._read = partial(_read, _layout_of(robot), buffers, velocities, self._terms)
 

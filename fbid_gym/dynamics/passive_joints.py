@@ -40,12 +40,11 @@ class PassiveJoints(NamedTuple):
         joints = model.dof_jntid[6:]
         stance = Stance.of(robot)
         springs = np.vstack([model.jnt_stiffness, model.jnt_stiffnesspoly.T])[:, joints]
-        dampings = np.vstack([model.dof_damping, model.dof_dampingpoly.T])[:, 6:]
         lever = np.where(model.jnt_type[joints] == _SLIDE, stance.home_com[2], 1.0)
         return cls(
             rest=model.qpos_spring[7:].copy(),
             spring=np.ascontiguousarray(springs),
-            damping=np.ascontiguousarray(dampings) * damping,
+            damping=damping * np.array([model.dof_damping, *model.dof_dampingpoly.T])[:, 6:],
             friction=model.dof_frictionloss[6:] * friction,
             steepness=1.0 / (_SLOW * stance.falling_rate * lever),
         )

@@ -172,37 +172,17 @@ def _measure(
     for axis in range(3):
         for k in range(size):
             column[axis, k] = covariance[P + axis, k] - covariance[row + axis, k]
-    a = (
-        _innovation(column, noise, row, foot, 0, 0),
-        _innovation(column, noise, row, foot, 0, 1),
-        _innovation(column, noise, row, foot, 0, 2),
-    )
-    b = (
-        _innovation(column, noise, row, foot, 1, 0),
-        _innovation(column, noise, row, foot, 1, 1),
-        _innovation(column, noise, row, foot, 1, 2),
-    )
-    c = (
-        _innovation(column, noise, row, foot, 2, 0),
-        _innovation(column, noise, row, foot, 2, 1),
-        _innovation(column, noise, row, foot, 2, 2),
-    )
+    a = _innovation(column, noise, row, foot, 0)
+    b = _innovation(column, noise, row, foot, 1)
+    c = _innovation(column, noise, row, foot, 2)
     # The inverse of a symmetric matrix with rows a, b, c.
     bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
     size_of_it = dot(a, bc)
     z = subtract(
         add(vector(away, (foot,)), vector(belief.position, (i,))), vector(belief.foot, (i, foot))
     )
-    told = (
-        z[0] - error[P] + error[row],
-        z[1] - error[P + 1] + error[row + 1],
-        z[2] - error[P + 2] + error[row + 2],
-    )
-    weighed = (
-        dot((bc[0], ca[0], ab[0]), told) / size_of_it,
-        dot((bc[1], ca[1], ab[1]), told) / size_of_it,
-        dot((bc[2], ca[2], ab[2]), told) / size_of_it,
-    )
+    told = add(subtract(z, vector(error, (), P)), vector(error, (), row))
+    weighed = scale(1.0 / size_of_it, turn(transposed((bc, ca, ab)), told))
     if not dot(told, weighed) < own.gate:
         return False
     for k in range(size):
@@ -222,11 +202,10 @@ def _measure(
 
 
 @compiled
-def _innovation(
-    column: np.ndarray, noise: np.ndarray, row: int, foot: int, j: int, k: int
-) -> float:
-    """Entry j, k of H P H^T + N."""
-    return column[k, P + j] - column[k, row + j] + noise[foot, j, k]
+def _innovation(column: np.ndarray, noise: np.ndarray, row: int, foot: int, j: int) -> Vector:
+    """Row j of H P H^T + N."""
+    seen = subtract(vector(column, (j,), P), vector(column, (j,), row))
+    return add(seen, vector(noise, (foot, j)))
 
 
 @compiled

@@ -64,6 +64,7 @@ Rates = Annotated[tuple[float, float], Pair(-2.0, 2.0)]
 _TOLERANCE = 0.12  # of sqrt(g h)
 _STANDS = 0.1  # share of the commands that are to stand
 _RAMPS = 0.5  # share of them that do not come at once, where there are ramps
+_UNSEEN = np.full((1, 4), np.nan)  # m, height of the ground below up to four feet
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -297,15 +298,11 @@ class Walk(Episode):
         would show it: the map moves with the estimate, and its drift does no harm.
         """
         if not len(self.scan):
-            return self._unknown
+            return _UNSEEN
         if now.actual is now.terms:
             return self.ground(foothold)
         places, above = in_place(foothold, now.terms(), now.actual())
         return self.ground(places) + above[:, None]
-
-    @cached_property
-    def _unknown(self) -> np.ndarray:
-        return np.full((1, self.body.robot.num_feet), np.nan)
 
     @cached_property
     def _units(self) -> Units:
