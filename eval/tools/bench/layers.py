@@ -257,7 +257,7 @@ class _Bounds:
         found, self._turn = {}, -self._turn
         for law, own in ((self._law, given[-1]), (self._free, memory))[:: self._turn]:
             start = time.process_time()
-            found[law] = law.torque(*given[:-1], own)
+            found[law] = law.torque(*(*given[:-1], own))
             spent = time.process_time() - start
             self.seconds += spent if law is self._law else -spent
         return found[self._law]
