@@ -1,4 +1,4 @@
-"""A zero action, played by robots side by side for one episode, in numbers."""
+"""A zero action, or a policy, played by robots side by side for one episode, in numbers."""
 
 import math
 from collections import defaultdict
@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy
 from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
 from train.recipes import config_for
@@ -21,16 +22,17 @@ WARM_UP = (7, 18, 29, 40, 51)
 """Policy steps by the zero action before the noisy one: different phases of a gait."""
 
 
-def walk(arguments: Mapping[str, Any], count: int, seed: int) -> Row:
+def walk(arguments: Mapping[str, Any], count: int, seed: int, policy: Policy | None = None) -> Row:
     """Return how many robots stay up, with Wilson's 95 % interval of the share, and other numbers.
 
     Args:
         arguments: of the environment.
         count: of robots.
         seed: robot i starts from seed + i.
+        policy: that acts. Default: the zero action.
     """
     batch = EnvBatch(EnvConfig.of(arguments), count)
-    told = play(batch, count, seed)
+    told = play(batch, count, seed, policy)
     up = int(told["up"][-1].sum())
     low, high = binomtest(up, count).proportion_ci(method="wilson")
     numbers = summarised(told, batch.rates.policy, batch.robot.weight)
@@ -40,17 +42,21 @@ def walk(arguments: Mapping[str, Any], count: int, seed: int) -> Row:
     return cells | {"up": str(up), "score_of_each": " ".join(f"{each:.4g}" for each in scores)}
 
 
-def play(batch: EnvBatch, count: int, seed: int) -> dict[str, np.ndarray]:
-    """Play the zero action until all robots fell, and return what happened, see `summarised`."""
+def play(
+    batch: EnvBatch, count: int, seed: int, policy: Policy | None = None
+) -> dict[str, np.ndarray]:
+    """Play until all robots fell, and return what happened, see `summarised`."""
     for env in range(count):
         batch.seed(env, np.random.default_rng(seed + env))
     batch.reset(np.arange(count))
-    zero, up = np.zeros((count, len(batch.action_names))), np.ones(count, bool)
+    action, up = np.zeros((count, len(batch.action_names))), np.ones(count, bool)
     found = defaultdict[str, list[np.ndarray]](list)
     names = {name: column for column, name in enumerate(batch.observation_names)}
     ways = ("ahead", "to the left")
     for _ in range(batch.num_steps):
-        step = batch.step(zero)
+        if policy is not None:
+            action = policy(batch.observation())
+        step = batch.step(action)
         up = up & ~step.terminated
         found["up"].append(up)
         found["reward"].append(step.reward)
