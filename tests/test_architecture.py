@@ -89,12 +89,12 @@ LINES = {
     "actions": 2580,
     "control": 4720,
     "dynamics": 1650,
-    "envs": 3361,
-    "estimation": 1784,
+    "envs": 3339,
+    "estimation": 2102,
     "motions": 3685,
     "policy": 590,
-    "robots": 5300,
-    "runtime": 1900,
+    "robots": 5311,
+    "runtime": 1882,
     "tasks": 2210,
 }
 # Of all that is in tests/; 24,000 is where this shall go.

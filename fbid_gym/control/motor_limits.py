@@ -30,9 +30,8 @@ from fbid_gym.small_matrices import dot
 PASSES = 2
 """Times that forces are solved for with the torques' bounds, at most."""
 
-# Of a limit: torques that exceed it by less are left to the clip; so close comes the first pass.
-# Beyond, forces go over to those within the bounds, and are there at twice as much: so no torque
-# jumps where one begins to bind.
+# Of a limit: torques that exceed it by less are left to the clip, so close comes the first pass. Up
+# to twice as much, forces go over to those within the bounds, so that no torque jumps.
 _CLOSE = 0.05
 _LEAST, _MOST = 0.25, 2.0  # strengths that are believed
 _TRUSTED, _DOUBTED = 0.1, 0.2  # errors of the share: torques are trusted to here, doubted from here

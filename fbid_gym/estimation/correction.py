@@ -87,8 +87,8 @@ def _correct(
 ) -> None:
     """Correct one robot; the arrays from `axis` to `fresh` are buffers."""
     doubt = 0.0
-    for axis in range(V, V + 3):
-        doubt = max(doubt, belief.covariance[i, axis, axis])
+    for k in range(V, V + 3):
+        doubt = max(doubt, belief.covariance[i, k, k])
     if belief.lost[i] or has_gone_wrong(own, belief, doubt, i):
         begin_anew(own, belief, i)
     elif belief.age[i] < own.every:

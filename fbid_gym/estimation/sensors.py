@@ -91,7 +91,7 @@ class Sensors:
     """(least, most) s from a reading to its use."""
     estimator: Annotated[str, Choice(ESTIMATORS)] = "invariant"
     """What makes an estimate of the readings: "invariant", an extended Kalman filter, or "linear",
-    a simpler one for a quarter of the time, see `fbid_gym.estimation.linear_filter`."""
+    a simpler one, see `fbid_gym.estimation.linear_filter`."""
     scale: Annotated[float, Number(0.0, 100.0)] = 1.0
     """Factor on all noise, biases, drifts, errors of scale and mounting, steps of encoders."""
 
