@@ -214,8 +214,7 @@ def _take(
     """Go a share of the way to other forces, and write the difference it makes to the wrench."""
     point = work.forces.point
     for k in range(len(force)):
-        held = point.force[k // 3, k % 3]
-        force[k] = held + share * (force[k] - held)
+        force[k] = (1.0 - share) * point.force[k // 3, k % 3] + share * force[k]
     for row in range(6):
         before, after = 0.0, 0.0
         for k in range(len(force)):
