@@ -1,13 +1,15 @@
 """How far robots' estimates of their state are off while they walk: `python -m eval.estimates`.
 
-The zero action walks with each preset of sensors; the picture has the errors over time, median and
-the middle 80 % of the robots. `--cost` times sensors and estimate beside the physics instead.
+The zero action walks with each preset of sensors and each filter; the picture has the errors of the
+first filter over time, median and the middle 80 % of the robots. `--cost` times sensors and
+estimate beside the physics instead.
 """
 
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +23,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.estimation import PRESETS
+from fbid_gym.estimation.sensors import ESTIMATORS, LIKE
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
@@ -55,9 +58,10 @@ class EstimatesConfig:
     """Length of an episode."""
 
 
-def begun(env: str, preset: str, config: EstimatesConfig, count: int) -> EnvBatch:
+def begun(env: str, preset: str, estimator: str, config: EstimatesConfig, count: int) -> EnvBatch:
     """Return robots that begin to walk."""
-    own = {"episode_seconds": config.seconds, "sensors": preset, "action_layer": config.layer}
+    sensors = {LIKE: preset, "estimator": estimator}
+    own = {"episode_seconds": config.seconds, "sensors": sensors, "action_layer": config.layer}
     batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), count)
     for robot in range(count):
         batch.seed(robot, np.random.default_rng(robot))
@@ -65,9 +69,9 @@ def begun(env: str, preset: str, config: EstimatesConfig, count: int) -> EnvBatc
     return batch
 
 
-def print_cost(env: str, config: EstimatesConfig) -> None:
+def print_cost(env: str, estimator: str, config: EstimatesConfig) -> None:
     """Time control ticks of walking robots in one process; corrections come every few of them."""
-    batch = begun(env, "mems", config, _TIMED)
+    batch = begun(env, "mems", estimator, config, _TIMED)
     perception, simulation = batch.perception, batch.simulation
     assert perception is not None
     tick, update, parts = simulation.tick, perception.update, ([], [])  # type: ignore[var-annotated]
@@ -87,13 +91,16 @@ def print_cost(env: str, config: EstimatesConfig) -> None:
     for name, of in (("mean", np.mean), ("median", np.median)):
         share, size = float(of(estimate) / of(physics)), 1e6 * float(of(physics)) / _TIMED
         print(
-            f"{env}: {name} physics {size:.3g} us a robot, sensors and estimate {share:.2f} of it"
+            f"{env}: {name} physics {size:.3g} us a robot, sensors and {estimator} filter "
+            f"{share:.2f} of it"
         )
 
 
-def errors_over_time(env: str, preset: str, config: EstimatesConfig) -> dict[str, np.ndarray]:
+def errors_over_time(
+    env: str, preset: str, estimator: str, config: EstimatesConfig
+) -> dict[str, np.ndarray]:
     """Return the errors of robots that walk by the zero action, (T, N) by name; NaN once fallen."""
-    batch = begun(env, preset, config, config.episodes)
+    batch = begun(env, preset, estimator, config, config.episodes)
     zero, up = np.zeros((config.episodes, len(batch.action_names))), np.ones(config.episodes, bool)
     found: dict[str, list[np.ndarray]] = {name: [] for name in SHOWN}
     for _ in range(batch.num_steps):
@@ -110,23 +117,27 @@ def run(config: EstimatesConfig) -> None:
     if config.out is not None:
         check_output(config.out, "out", (".svg",))
     if config.cost:
-        for env in config.envs:
-            print_cost(env, config)
+        for env, estimator in product(config.envs, ESTIMATORS):
+            print_cost(env, estimator, config)
         return
     panels = []
     for env in config.envs:
         hz = EnvConfig.of(ENVIRONMENTS[env]).policy_hz
-        played = {preset: errors_over_time(env, preset, config) for preset in PRESETS}
+        every = list(product(ESTIMATORS, PRESETS))
+        played = {one: errors_over_time(env, one[1], one[0], config) for one in every}
         for name, (title, factor) in SHOWN.items():
             series = []
-            for colour, preset in enumerate(PRESETS):
-                values = factor * played[preset][name]
+            for colour, (estimator, preset) in enumerate(every):
+                values = factor * played[estimator, preset][name]
                 values = values[:, ~np.isnan(values).all(axis=0)]
-                low, middle, high = np.nanquantile(values, (0.1, 0.5, 0.9), axis=1)
-                seconds = np.arange(1, len(values) + 1) / hz
-                series.append(Series(preset, colour, seconds, middle, low, high))
                 size = np.sqrt(np.nanmean(np.square(values)))
-                print(f"{env} {preset}: {title}, root mean square {size:.3g}", flush=True)
+                print(
+                    f"{env} {preset} {estimator}: {title}, root mean square {size:.3g}", flush=True
+                )
+                if estimator == ESTIMATORS[0]:
+                    low, middle, high = np.nanquantile(values, (0.1, 0.5, 0.9), axis=1)
+                    seconds = np.arange(1, len(values) + 1) / hz
+                    series.append(Series(preset, colour, seconds, middle, low, high))
             short = env.removeprefix("fbid_gym/").removesuffix("-v0")
             panels.append(panel(series, f"{short}: {title}", "s"))
     if config.out is not None:

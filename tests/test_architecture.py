@@ -90,15 +90,15 @@ LINES = {
     "control": 4720,
     "dynamics": 1650,
     "envs": 3470,
-    "estimation": 1784,
-    "motions": 3812,
+    "estimation": 2110,
+    "motions": 3820,
     "policy": 590,
-    "robots": 5710,
-    "runtime": 1915,
-    "tasks": 2320,
+    "robots": 5730,
+    "runtime": 1920,
+    "tasks": 2325,
 }
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_600
+TEST_LINES = 29_800
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}

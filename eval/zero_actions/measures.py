@@ -1,4 +1,4 @@
-"""Zero actions and proportional laws: robots side by side for one episode, in numbers."""
+"""A zero action, a proportional law or a policy, played by robots side by side, in numbers."""
 
 import math
 from collections import defaultdict
@@ -10,8 +10,10 @@ from scipy.stats import binomtest
 
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy
 from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
+from train.episodes import Actor
 from train.recipes import config_for
 from train.runs.proportional import matrix_of
 
@@ -22,20 +24,32 @@ WARM_UP = (7, 18, 29, 40, 51)
 """Policy steps by the zero action before the noisy one: different phases of a gait."""
 
 
-def walk(arguments: Mapping[str, Any], count: int, seed: int, gain: float = 0.0) -> Row:
+def walk(
+    arguments: Mapping[str, Any],
+    count: int,
+    seed: int,
+    policy: Policy | None = None,
+    gain: float = 0.0,
+) -> Row:
     """Return how many robots stay up, with Wilson's 95 % interval of the share, and other numbers.
 
     Args:
         arguments: of the environment.
         count: of robots.
         seed: robot i starts from seed + i.
-        gain: 1/s, of the proportional law that acts; 0 for the zero action.
+        policy: that acts. Default: the zero action.
+        gain: 1/s, of the proportional law that acts instead; 0 for none.
 
     Raises:
         FbidError: the environment is none, or has nothing for the law to act on.
     """
     batch = EnvBatch(EnvConfig.of(arguments), count)
-    told = play(batch, count, seed, matrix_of(batch, gain) if gain else None)
+    law = matrix_of(batch, gain).T if gain else None
+
+    def by_law(seen: np.ndarray) -> np.ndarray:
+        return np.clip(seen @ law, -1.0, 1.0)
+
+    told = play(batch, count, seed, policy if law is None else by_law)
     up = int(told["up"][-1].sum())
     low, high = binomtest(up, count).proportion_ci(method="wilson")
     numbers = summarised(told, batch.rates.policy, batch.robot.weight)
@@ -46,7 +60,7 @@ def walk(arguments: Mapping[str, Any], count: int, seed: int, gain: float = 0.0)
 
 
 def play(
-    batch: EnvBatch, count: int, seed: int, law: np.ndarray | None = None
+    batch: EnvBatch, count: int, seed: int, act: Actor | None = None
 ) -> dict[str, np.ndarray]:
     """Play until all robots fell, and return what happened, see `summarised`.
 
@@ -54,21 +68,19 @@ def play(
         batch: of environments.
         count: of them.
         seed: robot i starts from seed + i.
-        law: (A, O) from observations to actions; None for the zero action.
+        act: from observations to actions; None for the zero action.
     """
     for env in range(count):
         batch.seed(env, np.random.default_rng(seed + env))
     batch.reset(np.arange(count))
     action, up = np.zeros((count, len(batch.action_names))), np.ones(count, bool)
-    seen = batch.observation()
     found = defaultdict[str, list[np.ndarray]](list)
     names = {name: column for column, name in enumerate(batch.observation_names)}
     ways = ("ahead", "to the left")
     for _ in range(batch.num_steps):
-        if law is not None:
-            action = np.clip(seen @ law.T, -1.0, 1.0)
+        if act is not None:
+            action = act(batch.observation())
         step = batch.step(action)
-        seen = step.observation
         up = up & ~step.terminated
         found["up"].append(up)
         found["reward"].append(step.reward)

@@ -18,8 +18,11 @@ from fbid_gym.estimation import PRESETS
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, Whole
+from fbid_gym.policy import place_of
+from fbid_gym.policy.policy_file import PREFIX
 from fbid_gym.robots import Robot, zoo
 from fbid_gym.robots.terrain import LEVELLED
+from train.runs.environment import load_policy
 from train.runs.robots import chosen, is_built_in
 
 EXACT: dict[str, Any] = {
@@ -108,6 +111,8 @@ class Table(NamedTuple):
     """Options that it does not have."""
     of_each: tuple[str, ...] = ()
     """Columns with a number for each robot, separated by spaces."""
+    policies: tuple[str, ...] = ()
+    """Names of shipped policies that act beside the zero action, in the column "acts"."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -179,14 +184,18 @@ TABLES = {
         ("go1", "biped", "humanoid"),
         tuple(LAYERS),
         {"sensors": SENSORS},
-        ("robot", "layer", "sensors"),
+        ("robot", "layer", "acts", "sensors"),
         (*_UP, "return", "velocity_error"),
-        rows=("robot", "layer"),
+        rows=("robot", "layer", "acts"),
         across="sensors",
         error="return",
         compared=True,
         episodes=64,
         seconds=6.0,
+        policies=(
+            *(f"QuadrupedWalk-v0/{name}" for name in (*_BODY, "joint_position_gait")),
+            *(f"BipedWalk-v0/{name}" for name in (*_BODY, "joint_position_gait")),
+        ),
     ),
     "proportional": Table(
         "one gain and no learning: the body is asked for gain (1/s) x velocity that it is short of",
@@ -320,6 +329,7 @@ def cases(config: ZeroActionConfig) -> list[Case]:
     if config.robots == ():
         raise InvalidValueError("robots", [], "one or more")
     found = [case for name in config.robots or table.robots for case in _of(name, config, table)]
+    found += [case for name in table.policies for case in _acting(name, config, table)]
     for word in config.only:
         name, _, text = word.partition("=")
         Choice(table.names).check("column in --only", name)
@@ -333,8 +343,7 @@ def cases(config: ZeroActionConfig) -> list[Case]:
 def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
     """Yield the rows of a robot."""
     count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
-    shared = (str(count), f"{seconds:g}", f"{config.push:g}", str(config.seed))
-    cells = dict(zip(SHARED, shared, strict=True))
+    cells = _shared(config, table) | ({"acts": "zero action"} if table.policies else {})
     layers = config.layers or table.layers
     if config.table == "noise":
         for layer in layers:
@@ -361,8 +370,30 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
         if not told.keys() <= layer_options(layer).keys():
             continue
         its_own = arguments | {"action_layer": layer} | ({"layer_options": told} if told else {})
-        measure = partial(walk, its_own, count, config.seed, gain)
+        measure = partial(walk, its_own, count, config.seed, gain=gain)
         yield Case({**its, "layer": layer, **names, **cells}, measure)
+
+
+def _acting(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
+    """Yield the rows of a shipped policy, where its robot and its layer are asked for."""
+    policy = load_policy(place_of(PREFIX + name))
+    own = ENVIRONMENTS[policy.env_id] | dict(policy.env_args)
+    robot, layer = own["robot"], own["action_layer"]
+    if robot in (config.robots or table.robots) and layer in (config.layers or table.layers):
+        count, run = config.episodes or table.episodes, {"push_force": (config.push, config.push)}
+        run["episode_seconds"] = config.seconds or table.seconds
+        ((factor, levels),) = table.factors.items()
+        for value, level in levels.items():
+            cells = {"robot": robot, "layer": layer, "acts": "policy", factor: value}
+            measure = partial(walk, own | run | level, count, config.seed, policy)
+            yield Case(cells | _shared(config, table), measure)
+
+
+def _shared(config: ZeroActionConfig, table: Table) -> Row:
+    """The cells of options that all rows of a run share."""
+    count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
+    values = (str(count), f"{seconds:g}", f"{config.push:g}", str(config.seed))
+    return dict(zip(SHARED, values, strict=True))
 
 
 def environment(robot: Robot, own: Mapping[str, Any]) -> dict[str, Any]:

@@ -30,7 +30,8 @@ from fbid_gym.small_matrices import dot
 PASSES = 2
 """Times that forces are solved for with the torques' bounds, at most."""
 
-# Of a limit: torques that exceed it by less are left to the clip. So close comes the first pass.
+# Of a limit: torques that exceed it by less are left to the clip, so close comes the first pass. Up
+# to twice as much, forces go over to those within the bounds, so that no torque jumps.
 _CLOSE = 0.05
 _LEAST, _MOST = 0.25, 2.0  # strengths that are believed
 _TRUSTED, _DOUBTED = 0.1, 0.2  # errors of the share: torques are trusted to here, doubted from here
@@ -109,14 +110,15 @@ def bound_forces(
     """
     count = work.forces.problem.number[0]
     slope = np.zeros((len(torque), 3 * count))
-    if count == 0 or not _slopes(line, strength, terms, qvel, torque, i, work, slope):
+    excess = _slopes(line, strength, terms, qvel, torque, i, work, slope)
+    if count == 0 or excess <= _CLOSE:
         return False
     problem = Problem(np.empty((6, 3 * count)), np.empty(6), np.empty((count, 3)))
     affine = AffineTorque(slope, np.empty(len(torque)), np.empty(len(torque)))
     force = np.empty(3 * count)
     _pose(line, strength, qvel, torque, i, work, problem, affine, force)
     forces_within_torque_limits(problem, affine, weight, accuracy, force)
-    _take(work, problem, force, missed)
+    _take(work, problem, min(excess / _CLOSE - 1.0, 1.0), force, missed)
     return True
 
 
@@ -144,11 +146,19 @@ def exceed_limits(
 ) -> bool:
     """Whether a torque (n,) is more than motors can give; mostly none is, see `bound_forces`."""
     for j in range(len(torque)):
-        least, most = _range(line, strength, qvel, i, j)
-        spare = _CLOSE * strength * line.torque[j]
-        if torque[j] > most + spare or torque[j] < least - spare:
+        if _excess(line, strength, qvel, torque, i, j) > _CLOSE:
             return True
     return False
+
+
+@compiled
+def _excess(
+    line: TorqueLine, strength: float, qvel: np.ndarray, torque: np.ndarray, i: int, j: int
+) -> float:
+    """By how much a torque exceeds what its motor can give, as a share of the whole limit."""
+    least, most = least_and_most(line, j, qvel[i, 6 + j], 1.0)
+    beyond = max(torque[j] - strength * most, strength * least - torque[j])
+    return beyond / (strength * line.torque[j])
 
 
 @compiled
@@ -161,12 +171,11 @@ def _slopes(
     i: int,
     work: Work,
     slope: np.ndarray,
-) -> bool:
-    """Write -J^T of the joints (n, 3 P); whether forces change a torque that exceeds its limit."""
-    helps = False
+) -> float:
+    """Write -J^T of the joints (n, 3 P); the largest excess of a torque that forces change."""
+    largest = 0.0
     for j in range(len(torque)):
-        least, most = _range(line, strength, qvel, i, j)
-        spare, levers = _CLOSE * strength * line.torque[j], 0.0
+        levers = 0.0
         for point in range(work.forces.problem.number[0]):
             jacobian = terms.foot_jacobian[i, work.feet[point]]
             linear = jacobian[0, 6 + j], jacobian[1, 6 + j], jacobian[2, 6 + j]
@@ -175,8 +184,9 @@ def _slopes(
             for axis in range(3):
                 slope[j, 3 * point + axis] = -along[axis]
                 levers += abs(along[axis])
-        helps |= levers > 0.0 and (torque[j] > most + spare or torque[j] < least - spare)
-    return helps
+        if levers > 0.0:
+            largest = max(largest, _excess(line, strength, qvel, torque, i, j))
+    return largest
 
 
 @compiled
@@ -208,9 +218,13 @@ def _pose(
 
 
 @compiled
-def _take(work: Work, problem: Problem, force: np.ndarray, missed: np.ndarray) -> None:
-    """Write forces into the work, with the difference that they make to the wrench."""
+def _take(
+    work: Work, problem: Problem, share: float, force: np.ndarray, missed: np.ndarray
+) -> None:
+    """Go a share of the way to other forces, and write the difference it makes to the wrench."""
     point = work.forces.point
+    for k in range(len(force)):
+        force[k] = (1.0 - share) * point.force[k // 3, k % 3] + share * force[k]
     for row in range(6):
         before, after = 0.0, 0.0
         for k in range(len(force)):

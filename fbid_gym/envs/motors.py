@@ -2,7 +2,7 @@
 
 They are stepped with the physics, not with the control: a joint passes a good part of its
 torque-speed line within one control tick, and a drive's own electronics are faster than either.
-Robots with ideal motors come by none of this, see `fbid_gym.envs.simulation`.
+Ideal motors, which have torque limits and nothing else, turn once in a control tick.
 """
 
 import math

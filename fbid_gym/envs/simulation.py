@@ -11,10 +11,11 @@ from fbid_gym.dynamics.live_terms import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.motors import MotorState, turn_motors
-from fbid_gym.envs.tick import Wiring, drive, find_diverged, read, write_controls
+from fbid_gym.envs.tick import Wiring, find_diverged, read, write_controls
 from fbid_gym.errors import RobotError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.robots.drives import drives_of
 from fbid_gym.runtime.effort import Effort
 from fbid_gym.runtime.rates import Rates
 
@@ -88,7 +89,6 @@ class Simulation:
             + robot.actuator.astype(np.int64),
             contact=int(first),
             gear=robot.gear,
-            torque_limit=robot.torque_limit,
         )
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
@@ -96,7 +96,9 @@ class Simulation:
         self._terms: DynamicsTerms | None = None
         self._stale = np.ones(num_robots, bool)  # whose terms are those of an earlier state
         self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
-        self.motors = None if robot.drives is None else MotorState.cold(*self._shape)
+        self._drives, self._motors = drives_of(robot), MotorState.cold(*self._shape)
+        self.motors = None if robot.drives is None else self._motors
+        self._turns = 1 if self.motors is None else self._substeps
         self.changes = 0
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
@@ -174,16 +176,12 @@ class Simulation:
                 simulation's; updated.
         """
         torque = self.loop.arriving(torque, state.tick)
-        if self.motors is None or self.robot.drives is None:
-            drive(self._wiring, effort, torque, push)
-            self._advance(None)
-        else:
-            own = self._wiring, self.robot.drives, self.motors
-            share = 1.0 / self._substeps
-            for _ in range(self._substeps):
-                turn_motors(*own, effort, torque, push, self.model.opt.timestep, share)
-                self.batch.step(None, nstep=1, stage=_VELOCITY)
-            self.note_change()
+        steps, own = self._substeps // self._turns, (self._wiring, self._drives, self._motors)
+        seconds, share = steps * self.model.opt.timestep, 1.0 / self._turns
+        for _ in range(self._turns):
+            turn_motors(*own, effort, torque, push, seconds, share)
+            self.batch.step(None, nstep=steps, stage=_VELOCITY)
+        self.note_change()
         read(self._wiring, effort, state)
 
     def _advance(self, ids: np.ndarray | None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.quantities import RobotState
-from fbid_gym.runtime.effort import Effort, add_power, limit
+from fbid_gym.runtime.effort import Effort, add_power
 
 
 class Wiring(NamedTuple):
@@ -25,7 +25,6 @@ class Wiring(NamedTuple):
     controls: np.ndarray  # (n,) column of each joint's control
     contact: int  # first column of the contact forces among the sensors
     gear: np.ndarray  # (n,) torque per unit of control
-    torque_limit: np.ndarray  # (n,) N·m
 
 
 @kernel
@@ -35,25 +34,6 @@ def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
         wanted = torque[min(i, len(torque) - 1)]
         for j in range(len(wiring.gear)):
             wiring.rows[i, wiring.controls[j]] = wanted[j] / wiring.gear[j]
-
-
-@kernel
-def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) -> None:
-    """Limit the torques of N robots, and write them and the pushes into the batch, see `limit`.
-
-    Args:
-        wiring: of the robots.
-        effort: updated, but for the power.
-        wanted: (N, n) N·m, of the action layer.
-        push: (N, 3) N.
-    """
-    rows, torque = wiring.rows, effort.torque
-    limit(effort, wiring.torque_limit, wanted)
-    for i in range(len(rows)):
-        for j in range(torque.shape[1]):
-            rows[i, wiring.controls[j]] = torque[i, j] / wiring.gear[j]
-        for axis in range(3):
-            rows[i, wiring.push + axis] = push[i, axis]
 
 
 @kernel

@@ -66,7 +66,7 @@ def correct(
             _correct(
                 own, legs, readings, belief, axis, arm, away, noise, column, gain, error, fresh, i
             )
-            _write(own, readings, belief, seen, i)
+            write_state(own, readings, belief, seen, i)
 
 
 @compiled
@@ -86,7 +86,10 @@ def _correct(
     i: int,
 ) -> None:
     """Correct one robot; the arrays from `axis` to `fresh` are buffers."""
-    if belief.lost[i] or has_gone_wrong(own, belief, i):
+    doubt = 0.0
+    for k in range(V, V + 3):
+        doubt = max(doubt, belief.covariance[i, k, k])
+    if belief.lost[i] or has_gone_wrong(own, belief, doubt, i):
         begin_anew(own, belief, i)
     elif belief.age[i] < own.every:
         return
@@ -103,10 +106,7 @@ def _correct(
         loaded = readings.load[i, foot] > own.threshold
         fresh[foot] = loaded and not belief.standing[i, foot]
         if belief.standing[i, foot]:
-            # The point of contact of a sphere moves on as it rolls.
-            turning_rate = turn(rotation, add(rate, spin))
-            rolled = scale(seconds, cross(turning_rate, (0.0, 0.0, legs.radius[foot])))
-            store(add(vector(belief.foot, (i, foot)), rolled), belief.foot, (i, foot))
+            roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
             if not loaded:
                 _drop(belief, i, foot)
             elif readings.fresh[i]:
@@ -124,6 +124,13 @@ def _correct(
             centre, _ = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
             _see(own, legs, rotation, foot, centre, arm, away, noise)
             _add(away, noise, belief, i, foot)
+
+
+@compiled
+def roll(legs: Legs, spin: Vector, seconds: float, belief: Belief, i: int, foot: int) -> None:
+    """Move the point of contact of a spherical foot on as it rolls; spin in world axes, rad/s."""
+    rolled = scale(seconds, cross(spin, (0.0, 0.0, legs.radius[foot])))
+    store(add(vector(belief.foot, (i, foot)), rolled), belief.foot, (i, foot))
 
 
 @compiled
@@ -274,7 +281,7 @@ def _add(away: np.ndarray, noise: np.ndarray, belief: Belief, i: int, foot: int)
 
 
 @compiled
-def _write(own: Filter, readings: Readings, belief: Belief, seen: RobotState, i: int) -> None:
+def write_state(own: Filter, readings: Readings, belief: Belief, seen: RobotState, i: int) -> None:
     """Write the state of the robot's base, joints and feet."""
     to_base = matrix(own.mounting.base_from_imu, ())
     base = product(rotation_at(belief.quaternion, i, 0), transposed(to_base))

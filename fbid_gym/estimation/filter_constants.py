@@ -22,6 +22,7 @@ _VAGUEST = 0.6  # of the speed
 _PATIENCE = 1.0  # pendulum times
 _SETTLE = 1.0  # pendulum times
 _CORRECTIONS, _SELDOM = 13.0, 0.0125  # in a pendulum time, at least, and s from one to the next
+_LEANING = 0.1  # of gravity, by which a robot that walks accelerates, each way a pendulum time long
 _GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom
 
 
@@ -34,6 +35,14 @@ def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Fi
     step = every * tick
     turning = np.hypot(own.gyroscope_noise, _TURNING / time)
     pushing = np.hypot(own.accelerometer_noise, _PUSHING * robot.gravity)
+    # What lasts for a time has twice that as the density of its variance.
+    leaning = _LEANING**2 * 2.0 * time
+    tilt_variance = _TILT**2 + own.misalignment**2
+    accelerometer_variance = own.accelerometer_bias**2
+    accelerometer_variance += (own.accelerometer_scale * robot.gravity) ** 2
+    if sensors.estimator == "linear":
+        lasting = accelerometer_variance + robot.gravity**2 * tilt_variance
+        pushing = np.hypot(pushing, np.sqrt(2.0 * time * lasting))
     return Filter(
         tick=tick,
         every=every,
@@ -47,15 +56,15 @@ def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Fi
         encoder=own.encoder_noise**2 + own.encoder_resolution**2 / 12.0,
         threshold=own.contact_threshold * robot.weight,
         gate=_GATE,
-        tilt_variance=_TILT**2 + own.misalignment**2,
+        tilt_variance=tilt_variance,
         velocity_variance=float((_START * speed) ** 2),
         gyroscope_variance=own.gyroscope_bias**2,
-        accelerometer_variance=own.accelerometer_bias**2
-        + (own.accelerometer_scale * robot.gravity) ** 2,
+        accelerometer_variance=accelerometer_variance,
         fastest=float(_FASTEST * speed),
         vaguest=float((_VAGUEST * speed) ** 2),
         patience=round(_PATIENCE * time / step),
         settle=float(min(tick / (_SETTLE * time), 1.0)),
+        leaning=float(leaning / tick),
         mounting=mounting,
         foot_of_point=stance.geometry.foot_of_point,
         points=np.array([float(foot.num_points) for foot in robot.feet]),

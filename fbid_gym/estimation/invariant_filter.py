@@ -66,6 +66,7 @@ class Filter(NamedTuple):
     vaguest: float  # m^2/s^2, variance of the velocity beyond which it begins anew
     patience: int  # corrections for which all feet may slip before it begins anew
     settle: float  # share of the newest reading in the mean specific force
+    leaning: float  # rad^2, of the vertical that one reading shows; of the linear filter only
     mounting: Mounting  # of the unit
     foot_of_point: np.ndarray  # (P,) int64
     points: np.ndarray  # (F,) float, number of points of each foot
@@ -81,7 +82,7 @@ class Belief(NamedTuple):
     accelerometer_bias: np.ndarray  # (N, 3) m/s^2
     foot: np.ndarray  # (N, F, 3) m, places of the feet that stand
     standing: np.ndarray  # (N, F) bool
-    covariance: np.ndarray  # (N, 15 + 3F, 15 + 3F) of (xi, zeta)
+    covariance: np.ndarray  # (N, 15 + 3F, 15 + 3F) of (xi, zeta); see also `linear_filter`
     felt: np.ndarray  # (N, 3) m/s^2, mean specific force
     origin: np.ndarray  # (N, 3) m, world, where the episode began
     lost: np.ndarray  # (N,) bool, begins anew
@@ -91,9 +92,8 @@ class Belief(NamedTuple):
     restarts: np.ndarray  # (N,) int64, how often it has begun anew since the start
 
     @classmethod
-    def none(cls, count: int, feet: int) -> "Belief":
-        """Of robots of which nothing is known."""
-        size = D + 3 * feet
+    def none(cls, count: int, feet: int, size: int) -> "Belief":
+        """Of robots of which nothing is known; `size` that of the covariance."""
         vectors = np.zeros((6, count, 3))
         quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
         slipped, age, refused, restarts = np.zeros((4, count), np.int64)

@@ -48,21 +48,33 @@ def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) 
 
 @compiled
 def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
+    middle = midway(own, readings, belief, i)
+    belief.age[i] += 1
+    if belief.age[i] >= own.every:
+        velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
+        _spread(own, middle, velocity, position, belief, i)
+    integrate(own, readings, belief, middle, i)
+
+
+@compiled
+def midway(own: Filter, readings: Readings, belief: Belief, i: int) -> Rotation:
+    """Return the unit's rotation in the middle of the tick: force and rotation are those there."""
+    spin = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
+    return product(rotation_at(belief.quaternion, i, 0), turning(scale(0.5 * own.tick, spin)))
+
+
+@compiled
+def integrate(own: Filter, readings: Readings, belief: Belief, middle: Rotation, i: int) -> None:
+    """Integrate over a tick what the unit of a robot read; `middle` as of `midway`."""
     dt = own.tick
     spin = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
     force = subtract(vector(readings.accelerometer, (i,)), vector(belief.accelerometer_bias, (i,)))
     for axis in range(3):
         read = readings.accelerometer[i, axis]
         belief.felt[i, axis] += own.settle * (read - belief.felt[i, axis])
-    # Force and rotation are those of the middle of the tick.
-    middle = product(rotation_at(belief.quaternion, i, 0), turning(scale(0.5 * dt, spin)))
     push = turn(middle, force)
-    push = push[0], push[1], push[2] - own.gravity
+    change = scale(dt, (push[0], push[1], push[2] - own.gravity))
     velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
-    belief.age[i] += 1
-    if belief.age[i] >= own.every:
-        _spread(own, middle, velocity, position, belief, i)
-    change = scale(dt, push)
     store(add(velocity, change), belief.velocity, (i,))
     way = scale(dt, add(velocity, scale(0.5, change)))
     store(add(position, way), belief.position, (i,))

@@ -5,6 +5,7 @@ import numpy as np
 from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.rotations import rotation_at
 from fbid_gym.dynamics.vectors import (
+    Rotation,
     add,
     cross,
     dot,
@@ -25,12 +26,18 @@ from fbid_gym.estimation.invariant_filter import (
 
 
 @compiled
-def has_gone_wrong(own: Filter, belief: Belief, i: int) -> bool:
-    """Whether an estimate can no longer be trusted; then it begins anew, and counts that."""
+def has_gone_wrong(own: Filter, belief: Belief, vague: float, i: int) -> bool:
+    """Whether an estimate can no longer be trusted; then it begins anew, and counts that.
+
+    Args:
+        own: constants.
+        belief: of the robots; its `restarts` are updated.
+        vague: m^2/s^2, variance of the velocity.
+        i: which robot.
+    """
     velocity = vector(belief.velocity, (i,))
-    square, vague = dot(velocity, velocity), 0.0
+    square = dot(velocity, velocity)
     for axis in range(3):
-        vague = max(vague, belief.covariance[i, V + axis, V + axis])
         square += 0.0 * belief.position[i, axis] * belief.quaternion[i, axis]
     sound = square < own.fastest * own.fastest and vague < own.vaguest
     if sound and belief.slipped[i] <= own.patience:
@@ -40,11 +47,13 @@ def has_gone_wrong(own: Filter, belief: Belief, i: int) -> bool:
 
 
 @compiled
-def begin_anew(own: Filter, belief: Belief, i: int) -> None:
+def begin_upright(own: Filter, belief: Belief, i: int) -> Rotation:
     """Begin with the heading and place of before, upright as the accelerometer has it, at rest.
 
-    A bias of the accelerometer tilts it: R_estimated (f + bias) is vertical, hence
-    xi_R = e_3 × R zeta_a / g, and heading and place are known by definition.
+    No foot stands yet, nothing is known of biases, and no error correlates with another.
+
+    Returns:
+        The rotation.
     """
     rotation = rotation_at(belief.quaternion, i, 0)
     known = 0.0
@@ -77,6 +86,21 @@ def begin_anew(own: Filter, belief: Belief, i: int) -> None:
     for axis in range(3):
         belief.velocity[i, axis] = 0.0
         belief.gyroscope_bias[i, axis], belief.accelerometer_bias[i, axis] = 0.0, 0.0
+    for foot in range(belief.standing.shape[1]):
+        belief.standing[i, foot] = False
+    belief.lost[i], belief.slipped[i], belief.age[i] = False, 0, 0
+    return rows
+
+
+@compiled
+def begin_anew(own: Filter, belief: Belief, i: int) -> None:
+    """Begin as `begin_upright` does, and with how the errors of the invariant filter correlate.
+
+    A bias of the accelerometer tilts it: R_estimated (f + bias) is vertical, hence
+    xi_R = e_3 × R zeta_a / g, and heading and place are known by definition.
+    """
+    rows, covariance = begin_upright(own, belief, i), belief.covariance[i]
+    for axis in range(3):
         covariance[V + axis, V + axis] = own.velocity_variance
         covariance[BG + axis, BG + axis] = own.gyroscope_variance
         covariance[BA + axis, BA + axis] = own.accelerometer_variance
@@ -88,6 +112,3 @@ def begin_anew(own: Filter, belief: Belief, i: int) -> None:
         second = rows[0][axis] * own.accelerometer_variance / own.gravity
         covariance[R, BA + axis], covariance[BA + axis, R] = first, first
         covariance[R + 1, BA + axis], covariance[BA + axis, R + 1] = second, second
-    for foot in range(belief.standing.shape[1]):
-        belief.standing[i, foot] = False
-    belief.lost[i], belief.slipped[i], belief.age[i] = False, 0, 0

@@ -28,6 +28,8 @@ LONGEST_LATENCY = 0.05
 
 CONTACTS = ("force", "torque")
 
+ESTIMATORS = ("invariant", "linear")
+
 Rate = Annotated[int, Whole(1, 100_000, "Hz")]
 Latency = Annotated[tuple[float, float], Pair(0.0, 1.0, "s")]
 
@@ -87,6 +89,9 @@ class Sensors:
     """Readings per second; divides `control_hz`. Default: that."""
     contact_latency: Latency = (0.0, 0.0)
     """(least, most) s from a reading to its use."""
+    estimator: Annotated[str, Choice(ESTIMATORS)] = "invariant"
+    """What makes an estimate of the readings: "invariant", an extended Kalman filter, or "linear",
+    a simpler one, see `fbid_gym.estimation.linear_filter`."""
     scale: Annotated[float, Number(0.0, 100.0)] = 1.0
     """Factor on all noise, biases, drifts, errors of scale and mounting, steps of encoders."""
 
@@ -164,11 +169,14 @@ _MEMS = Sensors(
 )
 
 PRESETS: dict[str, Sensors] = {
-    # VectorNav VN-100, data sheet: gyroscope 0.0035 °/s/sqrt(Hz), 5 to 7 °/h in run, ±2000 °/s;
-    # accelerometer 0.14 mg/sqrt(Hz), 0.04 mg in run, ±16 g; axes within 0.05°. Biases as left by
-    # its calibration, ten times those in run; the drifts are those in run over 100 s. Encoders:
-    # RLS AksIM-2 on the joint's side, 19 bits, noise of two steps. Feet: a load cell, whose noise
-    # of 0.5 % of the weight is an assumption.
+    # VectorNav VN-100: gyroscope 0.0035 °/s/sqrt(Hz), accelerometer 0.14 mg/sqrt(Hz) by its data
+    # sheet, as users quote it; 5 to 10 °/h and 0.04 mg in run by that of its sister VN-200
+    # (vectornav.com/products/detail/vn-200). Assumed: ranges of ±2000 °/s and ±16 g, axes within
+    # 0.05°, scales within 0.1 %, biases as left by calibration ten times those in run; the drifts
+    # are those in run over 100 s. Encoders: RLS AksIM-2 on the joint's side
+    # (rls.si/eng/aksim-2-off-axis-rotary-absolute-encoder), whose rings have 17 bits and more;
+    # assumed: 19 bits, noise of two steps. Feet: a load cell, whose noise of 0.5 % of the weight is
+    # assumed.
     "good": Sensors(
         gyroscope_noise=radians(0.0035),
         gyroscope_bias=radians(60.0 / 3600.0),
@@ -187,15 +195,18 @@ PRESETS: dict[str, Sensors] = {
         contact_noise=0.005,
         contact_threshold=0.02,
     ),
-    # Bosch BMI088, data sheet BST-BMI088-DS001: gyroscope 0.014 °/s/sqrt(Hz), scale ±1 %,
-    # ±2000 °/s, 0.015 °/s/K; accelerometer 175 µg/sqrt(Hz) (160 to 190), 0.2 mg/K, ±24 g; here as a
-    # robot has it that calibrated it level and at rest, and has become 10 K warmer since. Drifts:
-    # the trunk warms by 1 K in 100 s. Encoders: ams AS5047P on the motor's side of a gear of 6, as
-    # in MIT's Mini Cheetah: 14 bits, noise of 0.068° (1 sigma). A rubber foot with a pressure
-    # sensor, as Unitree's, errs by 2 % of the weight, and a board is mounted to half a degree:
-    # assumptions.
+    # Bosch BMI088, data sheet (bosch-sensortec.com/media/boschsensortec/downloads/datasheets/
+    # bst-bmi088-ds001.pdf, tables of the electrical specification): gyroscope 0.014 °/s/sqrt(Hz),
+    # scale ±1 %, ±2000 °/s, 0.015 °/s/K; accelerometer 160 µg/sqrt(Hz), upwards 190, here 175,
+    # 0.2 mg/K, ±24 g; here as a robot has it that calibrated it level and at rest, and has become
+    # 10 K warmer since. Assumed: scale of the accelerometer ±0.5 %, of which the data sheet has
+    # nothing; the trunk warms by 1 K in 100 s, which makes the drifts. Encoders: ams AS5047P, data
+    # sheet (ams.com): 14 bits, noise of 0.068° (1 sigma); assumed to sit on the motor's side of a
+    # gear of 6, as in MIT's Mini Cheetah. Assumed as well: a rubber foot with a pressure sensor
+    # errs by 2 % of the weight, and a board is mounted to half a degree.
     "mems": _MEMS,
-    # The same as it comes from the factory, never calibrated: offsets of ±1 °/s and ±20 mg.
+    # The same as it comes from the factory, never calibrated: offsets of ±1 °/s and ±20 mg, which
+    # is typical by the data sheet; the maker's forum says that typical is one standard deviation.
     "raw": replace(_MEMS, gyroscope_bias=radians(1.0), accelerometer_bias=20e-3 * _G),
 }
 """Name -> sensors, with the sources of their numbers."""

@@ -18,9 +18,11 @@ _BIPED = {"no_load_speed": 10.0}
 _QUADRUPED = {"no_load_speed": 12.0}
 
 # Largest speeds are those of the lightweight arm whose drives TORO has (KUKA LWR 4+: 110 deg/s of
-# its 176 N·m joints, 128 of those with 100 N·m, 204 and 184 of those with 38). Argued: knee and
-# ankle, between the first two in torque, count as the slowest; torque falls over the last third.
-# Its inner torque loop takes the gear's friction away, but for the file's damping.
+# its 176 N·m joints, 128 of the next two, with 100 N·m, 204 of the fifth, 184 of the last two, with
+# 38; github.com/CentroEPiaggio/kuka-lwr, lwr_description/model/kuka_lwr.urdf.xacro). Argued: knee
+# and ankle, between the first two in torque, count as the slowest, joints of the arms with 40 N·m
+# as the fifth; torque falls over the last third. Its inner torque loop takes the gear's friction
+# away, but for the file's damping.
 _HUMANOID = {
     "no_load_speed": {
         **{"*": 2.23, "*_hip_roll": 1.92, "*_knee": 1.92, "*_ankle_*": 1.92},
@@ -32,10 +34,12 @@ _HUMANOID = {
     },
 }
 
-# Largest speeds and frictions are the maker's (unitreerobotics/unitree_ros, go1_description). Where
+# Largest speeds and frictions are the maker's (github.com/unitreerobotics/unitree_ros,
+# robots/go1_description/xacro/const.xacro; an earlier version has 21 rad/s for all joints). Where
 # the line begins to fall is what the maker gives for the motor of the same size in its next robot,
-# of the same speed (unitreerobotics/unitree_rl_lab, actuator Go2HV: 13.5 of 30 rad/s); the knee's
-# is behind a further gear of 3:2. The file's damping stands for both frictions at 10 rad/s.
+# of the same speed (github.com/unitreerobotics/unitree_rl_lab, unitree_actuators.py, Go2HV: 13.5 of
+# 30 rad/s); the knee's is behind a further gear of 3:2. The file's damping stands for both
+# frictions at 10 rad/s.
 _GO1 = {
     "no_load_speed": {"*": 30.1, "*_knee": 20.06},
     "full_speed": {"*": 13.5, "*_knee": 9.0},
@@ -57,8 +61,8 @@ def _by_motor(
 
 
 # Of the maker's motors N5020-16, N7520-14.3, N7520-22.5, a pair of N5020-16, W4010-25
-# (unitreerobotics/unitree_rl_lab, unitree_actuators.py: X2, X1, Fd, Fs). Argued: a pair has twice
-# the friction of one.
+# (github.com/unitreerobotics/unitree_rl_lab, unitree_actuators.py: X2, X1, Fd, Fs). Argued: a pair
+# has twice the friction of one.
 _G1 = {
     "no_load_speed": _by_motor(40.13, 35.52, 22.7, 40.13, 24.76),
     "full_speed": _by_motor(30.86, 22.63, 14.5, 30.86, 15.3),

@@ -152,6 +152,14 @@ def torque_line(robot: Robot) -> TorqueLine:
     return TorqueLine(robot.torque_limit.copy(), *np.zeros((2, robot.num_joints)))
 
 
+def drives_of(robot: Robot) -> Drives:
+    """Return the motors of a robot; ideal ones have torque limits, and nothing else."""
+    if robot.drives is not None:
+        return robot.drives
+    none, forever = np.zeros(robot.num_joints), np.full(robot.num_joints, np.inf)
+    return Drives(torque_line(robot), none, forever, 1.0, np.inf, none, none)
+
+
 def check_motors(motors: Any) -> None:
     """Raise an FbidError unless `motors` is the name of a preset or a table of valid values."""
     _table(motors)

@@ -21,7 +21,7 @@ from fbid_gym.robots import ROBOTS, Robot
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
-from fbid_gym.runtime.effort import Effort, add_power, limit
+from fbid_gym.runtime.effort import Effort, add_power
 from fbid_gym.runtime.given import checked_action, checked_command
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
@@ -250,7 +250,7 @@ class Controller:
         torque = loop.torque(tick, state, terms, terms)
         if self.estimator is not None:
             self.estimator.prepare(terms)
-        limit(effort, self.robot.torque_limit, torque)
+        effort.limit(torque, self.robot.torque_limit)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
         self._tick += 1

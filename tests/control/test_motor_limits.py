@@ -116,6 +116,23 @@ def test_forces_are_the_best_that_motors_can_give(
     assert np.median(beyond(torque)[bound]) < 0.05
 
 
+def test_no_torque_jumps_where_one_begins_to_bind(rng: np.random.Generator) -> None:
+    """Motors that are weaker by a hair, about where the first bounded problem is solved."""
+    law, scene = law_of(robots.load("go1")), scene_of(robots.load("go1"), rng, each=4)
+    plain, _ = torque_of(law, scene)
+    limit, found = law.robot.torque_limit, []
+    for row in np.flatnonzero(scene.target.planted.all(axis=1)):
+        share = np.abs(plain[row] / limit).max() / 1.05
+        torques = []
+        for factor in (1.0 + 1e-6, 1.0 - 1e-6, 1.0 - 1e-3, 0.9):
+            line = TorqueLine(factor * share * limit, *np.zeros((2, len(limit))))
+            torques.append(torque_of(with_line(law, line), scene)[0][row])
+        found.append([np.abs(one - plain[row]).max() / (share * limit.min()) for one in torques])
+    none, hair, little, much = np.array(found).T
+    assert len(found) >= 4 and (none == 0.0).all()
+    assert hair.max() < 1e-4 and 0.0 < little.max() < 0.05 and much.max() > 0.02
+
+
 def test_ideal_motors_bound_nothing_within_their_limits(rng: np.random.Generator) -> None:
     robot = robots.load("go1")
     boundless, scene = law_of(robot), scene_of(robot, rng, size=0.5)

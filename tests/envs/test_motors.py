@@ -34,7 +34,6 @@ class Joints:
             controls=np.arange(6 + num_joints, 6 + 2 * num_joints),
             contact=0,
             gear=2.0 * ones,
-            torque_limit=LIMIT * ones,
         )
         given = {"full": FULL, "free": FREE, "lag": 0.0, "continuous": np.inf} | motors
         line = TorqueLine(

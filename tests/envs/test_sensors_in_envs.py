@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import FbidError
+from fbid_gym.estimation.sensors import ESTIMATORS
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
 
@@ -90,9 +91,9 @@ def test_groups_of_an_observation_for_robots():
     )
 
 
-@pytest.mark.parametrize("contact", ["force", "torque"])
-def test_walking_by_an_estimate(contact):
-    batch = started(arguments(sensors={"like": "mems", "contact": contact}), 8)
+@pytest.mark.parametrize("own", [{}, {"contact": "torque"}, {"estimator": "linear"}])
+def test_walking_by_an_estimate(own):
+    batch = started(arguments(sensors={"like": "mems", **own}), 8)
     steps = played(batch, 150)
     assert not any(step.terminated.any() for step in steps)
     errors = [step.info["estimate_velocity_error"] for step in steps[20:]]
@@ -102,9 +103,11 @@ def test_walking_by_an_estimate(contact):
     assert wrong < 0.15
 
 
-def test_slipping_feet_and_wrong_contacts_are_survived():
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_slipping_feet_and_wrong_contacts_are_survived(estimator):
     slippery = {"randomisation": {"friction": (0.3, 0.3)}}
-    batch = started(arguments(sensors={"like": "mems", "contact_errors": 0.1}, **slippery), 8)
+    sensors = {"like": "mems", "contact_errors": 0.1, "estimator": estimator}
+    batch = started(arguments(sensors=sensors, **slippery), 8)
     steps = played(batch, 100)
     errors = np.array([step.info["estimate_velocity_error"] for step in steps])
     assert np.isfinite(errors).all() and np.median(errors) < 0.15

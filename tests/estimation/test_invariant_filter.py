@@ -13,6 +13,7 @@ from fbid_gym.dynamics.frames import skew
 from fbid_gym.estimation.correction import correct
 from fbid_gym.estimation.invariant_filter import Belief, Filter
 from fbid_gym.estimation.legs import Legs, Mounting
+from fbid_gym.estimation.linear_filter import correct_linear, predict_linear
 from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.quantities import RobotState
@@ -33,7 +34,7 @@ OWN = Filter(
     slipping=(5e-3) ** 2 / HZ, placing=0.0, encoder=(1e-3) ** 2, threshold=1.0, gate=1e9,
     tilt_variance=0.02**2, velocity_variance=0.1**2, gyroscope_variance=0.02**2,
     accelerometer_variance=0.2**2, fastest=50.0, vaguest=100.0, patience=50, settle=0.02,
-    mounting=Mounting(np.zeros(3), np.eye(3), np.array([1.0, 0.0, 0.0])),
+    leaning=0.5, mounting=Mounting(np.zeros(3), np.eye(3), np.array([1.0, 0.0, 0.0])),
     foot_of_point=np.arange(FEET), points=np.ones(FEET),
 )  # fmt: skip
 
@@ -105,7 +106,10 @@ def test_how_errors_grow_is_what_finite_differences_say(rng):
     """Phi, column by column: a belief that errs by a little, a tick later."""
     small, truth = 1e-5, somewhere(rng)
     spin, force = rng.standard_normal(3), rng.standard_normal(3) + [0.0, 0.0, G]
-    belief, readings = Belief.none(1 + 2 * SIZE, FEET), Readings.none(1 + 2 * SIZE, 3 * FEET, FEET)
+    belief, readings = (
+        Belief.none(1 + 2 * SIZE, FEET, SIZE),
+        Readings.none(1 + 2 * SIZE, 3 * FEET, FEET),
+    )
     readings.gyroscope[:], readings.accelerometer[:] = spin, force
     believe(belief, 0, truth)
     for k in range(SIZE):
@@ -149,24 +153,36 @@ def test_what_the_legs_measure_is_linear_in_the_error(rng):
             np.testing.assert_allclose(slope, expected, atol=1e-8)
 
 
+KINDS = {
+    "invariant": (
+        predict,
+        correct,
+        np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, *[5] * 9]),
+    ),
+    "linear": (predict_linear, correct_linear, np.array([0, 3, 1, 2, *[5] * FEET])),
+}
+"""Filter -> its two steps, and which of SPREAD the rows of its covariance have."""
+SPREAD = np.array([0.02, 0.1, 1e-3, 0.02, 0.2, 2e-3])
+
+
 class World:
     """Robots that move as the filter assumes, and what their sensors read."""
 
-    def __init__(self, count, rng, start=0.0):
+    def __init__(self, count, rng, start=0.0, kind="invariant"):
         self.rng, self.count = rng, count
+        self.predict, self.correct, rows = KINDS[kind]
         self.truth = np.array([somewhere(rng) for _ in range(count)])
         self.truth[:, :3, 3] *= 0.3
         self.gyroscope, self.accelerometer = np.zeros((2, count, 3))
-        self.belief, self.readings = Belief.none(count, FEET), Readings.none(count, 3 * FEET, FEET)
+        self.belief = Belief.none(count, FEET, len(rows))
+        self.readings = Readings.none(count, 3 * FEET, FEET)
         self.seen, self.all = state(count), np.ones(count, bool)
         self.time = 0.0
-        spread = start * np.array([0.02, 0.02, 0.02, *[0.1] * 3, *[1e-3] * 3, *[0.02] * 3,
-                                   *[0.2] * 3, *[2e-3] * (3 * FEET)])  # fmt: skip
-        self.spread = spread
+        spread = self.spread = start * SPREAD[KINDS["invariant"][2]]
         for i in range(count):
             xi = spread * rng.standard_normal(SIZE)
             believe(self.belief, i, exponential(xi) @ self.truth[i], xi[9:12], xi[12:15])
-            self.belief.covariance[i] = np.diag(spread**2)
+            self.belief.covariance[i] = np.diag((start * SPREAD[rows]) ** 2)
 
     def step(self, own, load=None):
         rng, dt, count = self.rng, own.tick, self.count
@@ -194,8 +210,11 @@ class World:
         self.accelerometer += np.sqrt(own.accelerometer_drift) * rng.standard_normal(shape)
         self.readings.load[:] = 10.0 if load is None else load
         self.readings.fresh[:] = True
-        predict(own, self.readings, self.all, self.belief)
-        correct(own, LEGS, self.readings, self.all, self.belief, self.seen)
+        self.filter(own)
+
+    def filter(self, own):
+        self.predict(own, self.readings, self.all, self.belief)
+        self.correct(own, LEGS, self.readings, self.all, self.belief, self.seen)
 
 
 def test_a_dense_filter_in_numpy_agrees(rng):
@@ -321,13 +340,13 @@ def step_in_own_axes(world, own):
     seen = x[:3, :3].T @ (x[:3, 5:] - x[:3, 4:5])
     world.readings.angle[0] = seen.T.ravel() + 1e-3 * rng.standard_normal(3 * FEET)
     world.readings.load[:], world.readings.fresh[:] = 10.0, True
-    predict(own, world.readings, world.all, world.belief)
-    correct(own, LEGS, world.readings, world.all, world.belief, world.seen)
+    world.filter(own)
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("feet", [1, FEET])
-def test_feet_that_slip_are_refused(rng, feet):
-    world, own = World(2, rng, start=0.1), OWN._replace(gate=16.27)
+def test_feet_that_slip_are_refused(rng, feet, kind):
+    world, own = World(2, rng, start=0.1, kind=kind), OWN._replace(gate=16.27)
     for _ in range(50):
         world.step(own)
     before = world.belief.refused.copy()
@@ -341,8 +360,9 @@ def test_feet_that_slip_are_refused(rng, feet):
     assert max(error) < 0.05
 
 
-def test_a_lost_estimate_begins_anew_and_says_so(rng):
-    world = World(3, rng, start=0.1)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_lost_estimate_begins_anew_and_says_so(rng, kind):
+    world = World(3, rng, start=0.1, kind=kind)
     for _ in range(20):
         world.step(OWN)
     world.belief.velocity[0], world.belief.quaternion[1] = np.nan, np.nan

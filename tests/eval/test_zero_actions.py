@@ -59,6 +59,10 @@ def test_the_rows_are_all_that_a_robot_can():
     assert known == [("4", "stand"), ("4", "walk"), ("6", "stand")]
     only = ("terrain=slopes,gaps", "difficulty=1", "ground=sees", "robot=go1")
     assert len(cases(ZeroActionConfig("terrain", only=only))) == 3 * 2
+    of = cases(ZeroActionConfig("measured", layers=("com_wrench",), only=("sensors=mems",)))
+    acting = [(case.cells["robot"], case.cells["acts"]) for case in of]
+    zero = [(name, "zero action") for name in ("go1", "biped", "humanoid")]
+    assert acting == [*zero, ("go1", "policy"), ("biped", "policy")]
 
 
 def test_version_1_keeps_its_own_pushes_and_loads_beside_what_a_condition_varies():

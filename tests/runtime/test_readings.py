@@ -69,7 +69,13 @@ def linear(seen: np.ndarray) -> np.ndarray:
         (SHIPPED, {"sensors": "mems"}),
         (linear, {"sensors": "mems", "observation": "measured+estimate", "history": 3}),
         (SHIPPED, {"sensors": {"like": "mems", "contact": "torque"}}),
-        (linear, {"sensors": {"like": "raw", "encoder_rate": 125}, "observation": "measured"}),
+        (
+            linear,
+            {
+                "sensors": {"like": "raw", "encoder_rate": 125, "estimator": "linear"},
+                "observation": "measured",
+            },
+        ),
     ],
 )
 def test_its_torques_are_those_of_the_environment(policy, more, monkeypatch):
