@@ -37,7 +37,7 @@ class Randomisation:
     whole control ticks. Until the first one arrives there is the zero action."""
     loop_delay: Delay = (0.0, 0.0)
     """Plant: (least, most) s from the state that the action layer sees to the torque it makes of
-    it. Layers do not know. See `fbid_gym.envs.loop_delay`."""
+    it. Layers know what their own `loop_delay` tells. See `fbid_gym.envs.loop_delay`."""
     motor_speed: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the speeds of the motors' torque-speed line, as of a battery
     that is full or empty. Laws believe in 1; ideal motors have no such line."""

@@ -17,7 +17,7 @@ from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots.built_in import asset_path
-from tests.actions.cases import without_self_motion
+from tests.actions.cases import layer_of, without_self_motion
 from tests.postures import bent, turned
 
 HZ = 250
@@ -206,6 +206,39 @@ def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_n
         asked = [layer.desired(zero, state, target, terms)[0] for layer in layers]
         expected = np.append(gain * kind.omega * counts * slow * towards, 0.0)
         np.testing.assert_allclose(asked[0] - asked[1], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])
+def test_the_priority_may_be_the_policys(name, rng):
+    """Zero is the layer's own; one more entry of the action is four times it, or a quarter."""
+    robot = robots.load("go1")
+    state, terms = crouched(robot, rng, 0.1)
+    target = target_of(robot, terms, rng)
+    target.planted[:, [0, 3]] = False  # a trot's pair: not all of force and moment can be had
+    target.load[:, [0, 3]] = 0.0
+    kind, push = kind_of(robot), 0.3 * rng.uniform(-1.0, 1.0, (1, 6))
+
+    def torque(entries, **options):
+        layer, _ = make_layer(name, robot, HZ, kind, options)
+        action, memory = np.append(push, entries)[None], layer.memory(1)
+        return layer, layer.torque(action, state, target, lambda: terms, memory)
+
+    own, plain = torque([])
+    layer, same = torque([0.0], priority_action=True)
+    assert len(layer.action_names) == len(own.action_names) + 1
+    np.testing.assert_array_equal(same, plain)
+    for entry, factor in ((1.0, 4.0), (-1.0, 0.25), (0.5, 2.0)):
+        _, asked = torque([entry], priority_action=True)
+        _, given = torque([], moment_priority=factor * own.moment_priority)
+        np.testing.assert_allclose(asked, given, atol=1e-9 * robot.weight)
+        assert np.abs(asked - plain).max() > 1e-3 * np.abs(plain).max()
+
+
+def test_a_priority_that_nothing_has_is_no_action():
+    robot = robots.load("go1")
+    for options in ({"contact_limits": "none"}, {"balancer": "ott2011"}):
+        with pytest.raises(InvalidValueError, match=r"priority_action.*True"):
+            layer_of("com_wrench", robot, priority_action=True, **options)
 
 
 def test_on_soles_there_is_no_such_gain():

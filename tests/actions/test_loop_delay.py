@@ -15,19 +15,19 @@ HZ = 250
 
 
 def played(robot, gains, share, seconds, ticks, rng):
-    """How a robot in the air swings that is held by a share of gains, tick by tick: its norms."""
+    """The largest coordinate or rate of a robot in the air, held by a share of gains, by ticks."""
     mobility = np.linalg.inv(Stance.of(robot).terms.mass_matrix[0])[6:, 6:]
     late = LoopDelay.of(1, robot.num_joints, HZ, seconds)
     late.begin(np.zeros(1, int), np.array([seconds]))
     place, rate = rng.normal(size=(2, robot.num_joints))
-    norms, tick = [], 1.0 / HZ
+    sizes, tick = [], 1.0 / HZ
     for count in range(ticks):
         torque = -share * (gains.stiffness * place + gains.damping * rate)
         acting = late.arriving(torque[None], np.array([count]))[0]
         place = place + tick * rate + 0.5 * tick**2 * mobility @ acting
         rate = rate + tick * mobility @ acting
-        norms.append(np.linalg.norm(np.concatenate([place, rate])))
-    return np.array(norms)
+        sizes.append(np.abs(np.concatenate([place, rate])).max())
+    return np.array(sizes)
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.004, 0.005])
@@ -35,11 +35,11 @@ def played(robot, gains, share, seconds, ticks, rng):
 def test_growth_is_that_of_the_delayed_loop(name, seconds, rng):
     robot = robots.load(name)
     gains = JointGains.of(robot, HZ, Falling(3.4), 1.0, seconds)
-    for share in (1.0, 3.0):
+    for share in (1.0, 1.4):
         growth = sampled_growth(robot, share * gains.stiffness, share * gains.damping, HZ, seconds)
-        norms = played(robot, gains, share, seconds, 3000, rng)
-        seen = (norms[2500:].max() / norms[1500:2000].max()) ** (1.0 / 1000.0)
-        assert seen == pytest.approx(growth, abs=2e-3)
+        sizes = played(robot, gains, share, seconds, 800, rng)
+        seen = (sizes[600:].max() / sizes[400:600].max()) ** (1.0 / 200.0)
+        assert seen == pytest.approx(growth, abs=5e-3)
         assert share > 1.0 or growth < 1.0
 
 

@@ -87,11 +87,11 @@ def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Poli
 def gain_of(name: str) -> float:
     """Return the gain of a law `proportional:GAIN`; InvalidValueError for another name."""
     text = name.removeprefix(PREFIX)
+    if text == name:
+        raise InvalidValueError("policy", name, f"{PREFIX}GAIN, such as {PREFIX}24")
     try:
         return GAIN.check("gain of a proportional law", float(text))
     except ValueError as error:
-        if text == name:
-            raise InvalidValueError("policy", name, f"{PREFIX}GAIN, such as {PREFIX}24") from error
         raise InvalidValueError("gain of a proportional law", text, GAIN.words) from error
 
 
