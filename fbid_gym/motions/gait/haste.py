@@ -22,9 +22,7 @@ _GATHER = 0.05  # of gravity
 _DOUBLE = 0.1  # of a step in double support
 _LEAST, _LONGEST = 1.5, 2.0  # pendulum times a step
 _ARRIVED = 0.95  # of the swing: `flat_feet`
-_LOWER = (
-    0.1  # of the leg, by which a robot in haste is lower than at home, where knees can carry it
-)
+_LOWER = 0.1  # of the leg, by which a robot is lower than at home, where knees can carry it
 _KNEES = 1.0  # of a joint's torque, to carry the robot on one leg
 _MOMENT = 0.15
 
