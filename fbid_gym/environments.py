@@ -22,8 +22,8 @@ _ON_SOLES = {
 # do not know, and a reward that tells a good answer from a better one. All in robots' own units.
 _UNKNOWN = {"payload": (0.0, 0.25), "friction": (0.3, 1.0)}
 _HARDER = {
-    "forward_range": (-0.92, 0.92),
-    "sideways_range": (-0.49, 0.49),
+    "forward_range": (-0.93, 0.93),
+    "sideways_range": (-0.5, 0.5),
     "turning_range": (-0.2, 0.2),
     "command_ramp": (0.5, 1.5),
     "push_weights": (0.0, 1.2),

@@ -204,10 +204,7 @@ def _hold(
     motion: Motion,
     torque: np.ndarray,
 ) -> None:
-    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go.
-
-    `nearness` (6,) is the law's, for this robot.
-    """
+    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
     weight, past = law.gravity * terms.mass_matrix[i, 0, 0], memory.vertical[i]
     missing, missed = work.forces.point.missing, work.forces.trial.missing
     strength = believed_strength(law.motors, law.gravity, terms, past, i)

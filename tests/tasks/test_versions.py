@@ -67,7 +67,7 @@ SOLES = {
 }
 FROZEN = {
     "QuadrupedWalk-v0": POINTS
-    | {"robot": "go1", "push_force": [0.0, 49.9799204], "terrain": "flat"},
+    | {"robot": "go1", "push_force": [0.0, 50.0058864], "terrain": "flat"},
     "BipedWalk-v0": SOLES | {"robot": "biped", "terrain": "flat"},
     "HumanoidWalk-v0": SOLES | {"robot": "humanoid", "terrain": "flat"},
     "QuadrupedTerrain-v0": POINTS

@@ -17,16 +17,14 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.robots import Robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length l, its speed sqrt(g l).
-_USUAL, _FAST, _TOP = 0.14, 0.24, 0.32  # of the speed
+_USUAL, _FAST, _TOP = 0.14, 0.17, 0.32  # of the speed
 _GATHER = 0.05  # of gravity
 _DOUBLE = 0.1  # of a step in double support
 _LEAST, _LONGEST = 1.5, 2.0  # pendulum times a step
 _ARRIVED = 0.95  # of the swing: `flat_feet`
-_LOWER = (
-    0.1  # of the leg, by which a robot in haste is lower than at home, where knees can carry it
-)
-_KNEES = 0.9  # of a joint's torque, to carry the robot on one leg
-_MOMENT = 0.2
+_LOWER = 0.1  # of the leg, by which a robot is lower than at home, where knees can carry it
+_KNEES = 1.0  # of a joint's torque, to carry the robot on one leg
+_MOMENT = 0.15
 
 
 class Haste(NamedTuple):

@@ -11,6 +11,7 @@ from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
 from fbid_gym.motions.gait.flat_gait import STAND, FlatFootGait, FlatGaitMemory, standing
+from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 
@@ -317,6 +318,14 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait):
         omega=gait.omega / 2.0,
         agility=gait.agility * [1.0, 1.0, 0.25],
         sink=2.0 * gait.sink,
+        haste=Haste(
+            *(2.0 * gait.haste[k] for k in range(3)),
+            gather=gait.haste.gather,
+            single=2.0 * gait.haste.single,
+            double=2.0 * gait.haste.double,
+            crouch=4.0 * gait.haste.crouch,
+            moment=gait.haste.moment,
+        ),
         **{name: 4.0 * getattr(gait, name) for name in lengths},
         **{name: 2.0 * getattr(gait, name) for name in times},
     )

@@ -54,5 +54,5 @@ def test_weak_hips_swing_slowly_and_weak_knees_bend_less(robot):
     )
     slower = biped_gait(weaker(robot, "hip_pitch", 0.2)).haste
     assert slower.top < strong.top and slower.single >= slow.single
-    stiff = biped_gait(weaker(robot, "knee", 0.5)).haste
+    stiff = biped_gait(weaker(robot, "knee", 0.3)).haste
     assert stiff.crouch < strong.crouch and stiff.single == strong.single
