@@ -85,12 +85,12 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2320,
+    ".": 2340,
     "actions": 2580,
     "control": 4720,
-    "dynamics": 1650,
-    "envs": 3361,
-    "estimation": 1784,
+    "dynamics": 1675,
+    "envs": 3364,
+    "estimation": 1728,
     "motions": 3685,
     "policy": 590,
     "robots": 5300,
@@ -101,7 +101,7 @@ LINES = {
 TEST_LINES = 29_100
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
+READING = {"fbid_gym.actions.base_acceleration": (36, 6785)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task
