@@ -84,7 +84,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2320,
+    ".": 2316,
     "actions": 2580,
     "control": 4720,
     "dynamics": 1650,
@@ -97,7 +97,7 @@ LINES = {
     "tasks": 2210,
 }
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_100
+TEST_LINES = 28_550
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
