@@ -90,7 +90,10 @@ class _Part:
     @cached_property
     def entry(self) -> Any:
         """What Python calls."""
-        return njit(self.__wrapped__, **_OPTIONS)
+        of_leaves = isinstance(self, _Kernel)
+        entry = njit(entry_to(self, self.kinds) if of_leaves else self.__wrapped__, **_OPTIONS)
+        # The places are named after our sources: those of others may have changed.
+        return kept(entry, _PLACES) if self.__module__.partition(".")[0] == _OURS else entry
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
@@ -105,12 +108,6 @@ class _Part:
 
 
 class _Kernel(_Part):
-    @cached_property
-    def entry(self) -> Any:
-        entry = njit(entry_to(self, self.kinds), **_OPTIONS)
-        # The places are named after our sources: those of others may have changed.
-        return kept(entry, _PLACES) if self.__module__.partition(".")[0] == _OURS else entry
-
     @cached_property
     def _door(self) -> Callable[..., Any]:
         return door_to(self.entry, self.kinds)

@@ -59,7 +59,6 @@ RANK = {
 ONLY_IN = {
     "pinocchio": {
         "dynamics",
-        "eval.papers.garofalo2015.decoupled_dynamics",
         "eval.papers.inertial_parameters.regressor",
     },
     "numba": {"compiled", "compile_cache", "compile_parts"},

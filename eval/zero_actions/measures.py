@@ -59,9 +59,7 @@ def walk(
     return cells | {"up": str(up), "score_of_each": " ".join(f"{each:.4g}" for each in scores)}
 
 
-def play(
-    batch: EnvBatch, count: int, seed: int, act: Actor | None = None
-) -> dict[str, np.ndarray]:
+def play(batch: EnvBatch, count: int, seed: int, act: Actor | None = None) -> dict[str, np.ndarray]:
     """Play until all robots fell, and return what happened, see `summarised`.
 
     Args:

@@ -450,28 +450,6 @@ def test_robots_of_gymnasium() -> None:
     assert ant().feet[0].radius == 0.08
 
 
-def test_ant_with_sites(tmp_path: Path) -> None:
-    text = (GYMNASIUM / "ant.xml").read_text()
-    for i, geom in enumerate(ANT_FEET):
-        line = next(part for part in text.splitlines() if f'name="{geom}"' in part)
-        end = " ".join(line.split('fromto="')[1].split('"')[0].split()[3:])
-        text = text.replace(line, f'{line}<site name="tip{i}" pos="{end}"/>')
-    path = tmp_path / "ant.xml"
-    path.write_text(text)
-    robot = Robot.from_mjcf(path, [f"tip{i}" for i in range(4)])
-    np.testing.assert_allclose(
-        [foot.points[0] for foot in robot.feet], [foot.points[0] for foot in ant().feet], atol=1e-9
-    )
-    assert all(foot.radius == 0 for foot in robot.feet)
-    data = at(robot, robot.home_qpos)
-    data.qpos[2] += 0.07  # the tips are the capsules' centres, 0.08 m above the ground in contact
-    mujoco.mj_forward(robot.model, data)
-    forces = ground_forces(robot, data)
-    expected = [forces[robot.model.geom(name).id] for name in ANT_FEET]
-    assert np.all(np.array(expected)[:, 2] > 0)
-    np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
-
-
 @pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"], ["a", "b"]])
 def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
     """The named sites carry the whole foot between them, and corners each their own."""

@@ -1,4 +1,9 @@
-"""The propositions of [G15], at random states with velocity, from both providers."""
+"""The propositions of [G15], at random states with velocity, from both providers.
+
+With the centroidal momentum h = A v and the joint velocities as coordinates, xi = A_Q v, the mass
+matrix falls apart into E / m, Lambda_l and Lambda_q, eqs. (12)-(28). The laws need no more than
+`CentroidalTerms`; all other matrices are here, by their definitions.
+"""
 
 import copy
 from typing import NamedTuple
@@ -8,19 +13,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from eval.papers.garofalo2015.decoupled_dynamics import (
-    DecoupledDynamics,
-    coriolis_matrix,
-    decoupled_dynamics,
-    generalized_jacobian,
-    joint_inertia,
-    kinetic_energy,
-    momentum_inertia,
-    momentum_matrix_rate,
-    momentum_rate_bias,
-    transform,
-    transformed_jacobian,
-)
 from fbid_gym import robots
 from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms, frames
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_positions
@@ -34,321 +26,265 @@ RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"
 
 
 class Case(NamedTuple):
-    """A robot at COUNT random states, and everything [G15] says about it."""
+    """A robot at COUNT random states."""
 
     robot: robots.Robot
     qpos: np.ndarray
     velocity: np.ndarray
     terms: DynamicsTerms
-    coriolis: np.ndarray
     gravity_force: np.ndarray
     body: CentroidalTerms
-    full: DecoupledDynamics
     inverse_mass: np.ndarray
-
-    @property
-    def xi(self) -> np.ndarray:
-        """Momentum and joint velocities."""
-        return np.matvec(self.full.transform, self.velocity)
-
-    @property
-    def selection(self) -> np.ndarray:
-        """Q of eq. (1)."""
-        return np.eye(self.robot.nv)[6:]
+    coriolis: np.ndarray  # C, with C v + g the bias and Mdot - 2 C skew
+    transform: np.ndarray  # A_Q of eq. (12)
+    back: np.ndarray  # its inverse
+    rate: np.ndarray  # its time derivative
+    inertia: np.ndarray  # Lambda of eq. (15)
+    gamma: np.ndarray  # of eqs. (15) and (18)
 
     def pseudo_inverse(self, matrix: np.ndarray) -> np.ndarray:
         """T^{+M} of footnote 1."""
         weighted = self.inverse_mass @ matrix.mT
         return weighted @ np.linalg.inv(matrix @ weighted)
 
+    def momentum_rate(self, force: np.ndarray) -> np.ndarray:
+        """Rate (COUNT, 6) of h under generalized forces, the bias not among them."""
+        acceleration = np.matvec(self.inverse_mass, force)
+        return np.matvec(self.body.matrix, acceleration) + np.matvec(
+            self.rate[:, :6], self.velocity
+        )
+
+    def points(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Jacobian of the contact points, random forces on them, their wrench at the centre."""
+        geometry = contact_geometry(self.robot)
+        force = 10.0 * rng.normal(size=(COUNT, geometry.num_points, 3))
+        arm = point_positions(geometry, self.terms) - self.terms.com[:, None]
+        wrench = np.concatenate([force.sum(1), np.cross(arm, force).sum(1)], axis=1)
+        return point_jacobian(geometry, self.terms)[0], force.reshape(COUNT, -1), wrench
+
+
+def coriolis_of(robot: robots.Robot, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """C from Pinocchio's: with v_pin = X v, C = X^T C_pin X + X^T M_pin Xdot."""
+    model = PinocchioDynamics(robot).model
+    data, rotation = model.createData(), frames.quaternion_to_matrix(qpos[:, 3:7])
+    q = frames.configuration_to_pinocchio(qpos, robot.model.qpos0)
+    v = frames.velocity_to_pinocchio(qvel, rotation)
+    own = [pin.computeCoriolisMatrix(model, data, *each).copy() for each in zip(q, v, strict=True)]
+    base = np.array([pin.crba(model, data, each)[:, :3] for each in q])  # that Xdot meets
+    moved = base @ (-frames.skew(qvel[:, 3:6]) @ rotation.mT)
+    moved[:, :3] = rotation @ moved[:, :3]
+    result = frames.mass_matrix_from_pinocchio(np.array(own), rotation)
+    result[:, :, :3] += moved
+    return result
+
+
+def matrix_rate(
+    body: CentroidalTerms, terms: DynamicsTerms, velocity: np.ndarray, coriolis: np.ndarray
+) -> np.ndarray:
+    """Adot (N, 6, nv), of A = P M[:6] with Mdot = C + C^T."""
+    turn = np.zeros_like(body.to_com)
+    turn[:, 3:, :3] = frames.skew(velocity[:, :3] - terms.com_velocity)
+    turn[:, 3:, 3:] = terms.world_from_base @ frames.skew(velocity[:, 3:6])
+    mass_rate = coriolis[:, :6] + coriolis[:, :, :6].mT
+    return turn @ terms.mass_matrix[:, :6] + body.to_com @ mass_rate
+
+
+def decoupled(terms: DynamicsTerms, velocity: np.ndarray) -> tuple[np.ndarray, ...]:
+    """A_Q, its inverse and Lambda = A_Q^-T M A_Q^-1."""
+    transform = np.tile(np.eye(velocity.shape[1]), (len(velocity), 1, 1))
+    transform[:, :6] = centroidal_terms(terms, velocity).matrix
+    back = np.linalg.inv(transform)
+    return transform, back, back.mT @ terms.mass_matrix @ back
+
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, *RANDOM])
-def robot(request, tmp_path_factory, random_mjcf):
+def robot(request, random_mjcf):
     if isinstance(request.param, str):
         return robots.load(request.param)
-    path = tmp_path_factory.mktemp("robots") / "random.xml"
-    path.write_text(random_mjcf(request.param))
-    return robots.Robot.from_mjcf(path, RANDOM_FEET)
+    return robots.Robot.from_mjcf(random_mjcf(request.param), RANDOM_FEET)
 
 
 @pytest.fixture(scope="module")
 def case(robot, random_states):
     """From one provider for every other robot; tests/dynamics holds that both say the same."""
     qpos, velocity = random_states(robot.model, COUNT)
-    mujoco = robot.name not in (*robots.ROBOTS[::2], f"random{RANDOM[0]}")
-    dynamics = (MuJoCoDynamics if mujoco else PinocchioDynamics)(robot)
-    coriolis = coriolis_matrix(robot, qpos, velocity)
-    terms = dynamics.terms(qpos, velocity)
+    by_mujoco = robot.name not in (*robots.ROBOTS[::2], f"random{RANDOM[0]}")
+    dynamics = (MuJoCoDynamics if by_mujoco else PinocchioDynamics)(robot)
+    terms, coriolis = dynamics.terms(qpos, velocity), coriolis_of(robot, qpos, velocity)
     body = centroidal_terms(terms, velocity)
+    transform, back, inertia = decoupled(terms, velocity)
+    rate = np.zeros_like(transform)
+    rate[:, :6] = matrix_rate(body, terms, velocity, coriolis)
     return Case(
-        robot=robot,
-        qpos=qpos,
-        velocity=velocity,
-        terms=terms,
-        coriolis=coriolis,
-        gravity_force=dynamics.terms(qpos, 0.0 * velocity).bias,
-        body=body,
-        full=decoupled_dynamics(body, terms, velocity, coriolis),
-        inverse_mass=np.linalg.inv(terms.mass_matrix),
+        *(robot, qpos, velocity, terms, dynamics.terms(qpos, 0.0 * velocity).bias, body),
+        *(np.linalg.inv(terms.mass_matrix), coriolis, transform, back, rate, inertia),
+        (back.mT @ coriolis - inertia @ rate) @ back,
     )
 
 
 def assert_close(actual, expected, scale=None):
     """Equal to 1e-9 of the largest entry expected, or of `scale`."""
-    if scale is None:
-        scale = np.abs(expected).max()
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=EXACT * scale)
+    size = np.abs(expected if scale is None else scale).max()
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=EXACT * size)
 
 
 def assert_zero(actual, scale):
-    """Zero to 1e-9 of the largest entry of `scale`."""
-    assert_close(actual, np.zeros_like(actual), np.abs(scale).max())
+    assert_close(actual, np.zeros_like(actual), scale)
 
 
-def moved(case, time):
-    """Configurations after moving for `time` with constant generalized velocity."""
-    result = case.qpos.copy()
-    for row, velocity in zip(result, case.velocity, strict=True):
-        mujoco.mj_integratePos(case.robot.model, row, velocity, time)
-    return result
-
-
-def time_derivative(case, quantity, step=1e-4):
-    """Of quantity(terms) along the motion, by differences of fourth order."""
-    dynamics = MuJoCoDynamics(case.robot)
+def assert_rate(actual, case, quantity, tolerance, least=0.0):
+    """Against differences of fourth order of quantity(terms), at constant generalized velocity."""
 
     def at(time):
-        return quantity(dynamics.terms(moved(case, time), case.velocity))
+        qpos = case.qpos.copy()
+        for row, velocity in zip(qpos, case.velocity, strict=True):
+            mujoco.mj_integratePos(case.robot.model, row, velocity, time)
+        return quantity(MuJoCoDynamics(case.robot).terms(qpos, case.velocity))
 
-    return (8.0 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12.0 * step)
+    step = 1e-4
+    rate = (8.0 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12.0 * step)
+    size = max(least, np.abs(actual).max())
+    np.testing.assert_allclose(actual, rate, rtol=0.0, atol=tolerance * size)
 
 
-# --- the Coriolis matrix ---------------------------------------------------------------------
-
-
-def test_coriolis_matrix_gives_the_bias(case):
+def test_coriolis_matrix_gives_the_bias_and_the_rate_of_the_mass_matrix(case):
     force = np.matvec(case.coriolis, case.velocity) + case.gravity_force
     assert_close(force, case.terms.bias)
-
-
-def test_mass_rate_less_twice_coriolis_is_skew(case):
-    rate = time_derivative(case, lambda terms: terms.mass_matrix)
-    np.testing.assert_allclose(
-        case.coriolis + case.coriolis.mT, rate, rtol=0.0, atol=1e-7 * np.abs(rate).max()
-    )
+    assert_rate(case.coriolis + case.coriolis.mT, case, lambda terms: terms.mass_matrix, 1e-7)
 
 
 # --- section 2: momentum -----------------------------------------------------------------------
 
 
-def test_matrix_and_its_rate_are_pinocchios(robot, random_states):
-    qpos, velocity = random_states(robot.model, COUNT)
-    dynamics = PinocchioDynamics(robot)
-    terms = dynamics.terms(qpos, velocity)
-    body = centroidal_terms(terms, velocity)
-    rate = momentum_matrix_rate(body, terms, velocity, coriolis_matrix(robot, qpos, velocity))
-    rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
-    data = dynamics.model.createData()
-    q = frames.configuration_to_pinocchio(qpos, robot.model.qpos0)
-    v = frames.velocity_to_pinocchio(velocity, rotation)
+def test_matrix_and_its_rate_are_pinocchios(case):
+    model, rotation = (
+        PinocchioDynamics(case.robot).model,
+        frames.quaternion_to_matrix(case.qpos[:, 3:7]),
+    )
+    data = model.createData()
+    q = frames.configuration_to_pinocchio(case.qpos, case.robot.model.qpos0)
+    v = frames.velocity_to_pinocchio(case.velocity, rotation)
     for row in range(COUNT):
-        pin.dccrba(dynamics.model, data, q[row], v[row])
+        pin.dccrba(model, data, q[row], v[row])
         # A = A_pin X, so Adot = Adot_pin X + A_pin Xdot.
-        turn = -frames.skew(velocity[row, 3:6]) @ rotation[row].T
+        turn = -frames.skew(case.velocity[row, 3:6]) @ rotation[row].T
         expected = frames.jacobian_from_pinocchio(data.dAg, rotation[row])
         expected[:, :3] += data.Ag[:, :3] @ turn
-        assert_close(rate[row], expected)
-        assert_close(body.matrix[row], frames.jacobian_from_pinocchio(data.Ag, rotation[row]))
+        assert_close(case.rate[row, :6], expected)
+        assert_close(case.body.matrix[row], frames.jacobian_from_pinocchio(data.Ag, rotation[row]))
+    assert_rate(
+        case.rate[:, :6], case, lambda terms: centroidal_terms(terms, case.velocity).matrix, 1e-7
+    )
 
 
 def test_eq_6_rate_of_momentum_is_the_external_wrench(case, rng):
-    torque = rng.normal(size=(COUNT, case.robot.num_joints))
-    geometry = contact_geometry(case.robot)
-    force = 10.0 * rng.normal(size=(COUNT, geometry.num_points, 3))
-    jacobian, _ = point_jacobian(geometry, case.terms)
-    generalized = np.matvec(jacobian.mT, force.reshape(COUNT, -1)) - case.terms.bias
-    generalized[:, 6:] += torque
-    acceleration = np.matvec(case.inverse_mass, generalized)
-    rate = np.matvec(case.body.matrix, acceleration)
-    rate += np.matvec(case.full.transform_rate[:, :6], case.velocity)
-    arm = point_positions(geometry, case.terms) - case.terms.com[:, None]
-    weight = case.robot.mass * case.robot.model.opt.gravity
-    expected = np.concatenate([force.sum(1) + weight, np.cross(arm, force).sum(1)], axis=1)
-    assert_close(rate, expected, np.abs(case.terms.bias).max())
+    jacobian, force, wrench = case.points(rng)
+    total = np.matvec(jacobian.mT, force) - case.terms.bias
+    total[:, 6:] += rng.normal(size=(COUNT, case.robot.num_joints))
+    wrench[:, :3] += case.robot.mass * case.robot.model.opt.gravity
+    assert_close(case.momentum_rate(total), wrench, case.terms.bias)
 
 
-def test_eq_7_motor_torques_alone_conserve_momentum(case, rng):
-    force = -np.matvec(case.coriolis, case.velocity)
-    force[:, 6:] += rng.normal(size=(COUNT, case.robot.num_joints))
-    acceleration = np.matvec(case.inverse_mass, force)
-    product = np.matvec(case.body.matrix, acceleration)
-    assert_close(product, -np.matvec(case.full.transform_rate[:, :6], case.velocity))
-
-
-def test_eq_8_force_at_the_com_conserves_angular_momentum(case, rng):
+def test_eqs_7_8_10_and_11_what_conserves_momentum(case, rng):
+    """Motor torques alone all of it, a force at the centre of mass the angular one."""
+    drift = np.matvec(case.coriolis, case.velocity)
+    torque = np.zeros_like(drift)
+    torque[:, 6:] = rng.normal(size=(COUNT, case.robot.num_joints))
+    assert_zero(case.momentum_rate(torque - drift), drift)
+    product = case.body.matrix @ case.inverse_mass
+    assert_zero(product[:, :, 6:], product)
     push = 10.0 * rng.normal(size=(COUNT, 3))
     at_com = case.body.matrix[:, :3] / case.robot.mass  # J_CoM, eq. (5)
-    force = np.matvec(at_com.mT, push) - np.matvec(case.coriolis, case.velocity)
-    acceleration = np.matvec(case.inverse_mass, force)
-    product = np.matvec(case.body.matrix[:, 3:], acceleration)
-    rate = np.matvec(case.full.transform_rate[:, 3:6], case.velocity)
-    assert_zero(product + rate, force)
-
-
-def test_rate_bias_needs_no_derivative(case):
-    gravity = tuple(case.robot.model.opt.gravity)
-    bias = momentum_rate_bias(case.body, case.terms.bias, gravity)
-    expected = np.matvec(case.full.transform_rate[:, :6], case.velocity)
-    assert_close(bias, expected, np.abs(case.terms.bias).max())
-
-
-def test_matrix_rate_is_the_derivative(case):
-    rate = time_derivative(case, lambda terms: centroidal_terms(terms, case.velocity).matrix)
-    np.testing.assert_allclose(
-        case.full.transform_rate[:, :6], rate, rtol=0.0, atol=1e-7 * np.abs(rate).max()
-    )
-    np.testing.assert_array_equal(case.full.transform_rate[:, 6:], 0.0)
+    force = np.matvec(at_com.mT, push) - drift
+    assert_zero(case.momentum_rate(force)[:, 3:], force)
 
 
 # --- section 3: the decoupled structure ------------------------------------------------------
 
 
-def test_eq_10_torques_do_not_change_momentum(case):
-    product = case.body.matrix @ case.inverse_mass
-    assert_zero((product @ case.selection.T), product)
-
-
-def test_eq_11(case):
-    force = np.matvec(case.coriolis, case.velocity)
-    product = np.matvec(case.body.matrix @ case.inverse_mass, force)
-    rate = np.matvec(case.full.transform_rate[:, :6], case.velocity)
-    assert_zero(product - rate, force)
-
-
 def test_eq_13_inverse_without_a_full_inverse(case):
-    forward, inverse = transform(case.body)
-    columns = (case.pseudo_inverse(case.body.matrix), case.pseudo_inverse(case.selection))
-    assert_close(inverse, np.concatenate(columns, axis=2))
-    assert_close(forward @ inverse, np.broadcast_to(np.eye(case.robot.nv), inverse.shape))
+    columns = map(case.pseudo_inverse, (case.body.matrix, case.transform[:, 6:]))
+    assert_close(case.back, np.concatenate([*columns], axis=2))
 
 
 def test_eqs_15_and_25_equations_of_motion(case, rng):
-    # Any generalized force moves the robot as the decoupled equations say.
+    """Any generalized force moves the robot as the decoupled equations say."""
     force = 5.0 * rng.normal(size=(COUNT, case.robot.nv))
     acceleration = np.matvec(case.inverse_mass, force - case.terms.bias)
-    full = case.full
-    rate = np.matvec(full.transform, acceleration)
-    rate += np.matvec(full.transform_rate, case.velocity)
-    left = np.matvec(full.inertia, rate) + np.matvec(full.coriolis, case.xi)
+    rate = np.matvec(case.transform, acceleration) + np.matvec(case.rate, case.velocity)
+    left = np.matvec(case.inertia, rate) + np.matvec(
+        case.gamma, np.matvec(case.transform, case.velocity)
+    )
     left[:, :3] -= case.robot.model.opt.gravity
-    assert_close(left, np.matvec(full.inverse_transform.mT, force), np.abs(case.terms.bias).max())
+    assert_close(left, np.matvec(case.back.mT, force), case.terms.bias)
 
 
-def test_eqs_16_17_22_inertia_is_block_diagonal(case):
-    expected = case.full.inverse_transform.mT @ case.terms.mass_matrix @ case.full.inverse_transform
-    assert_close(case.full.inertia, expected)
-    matrix = case.body.matrix
-    assert_close(momentum_inertia(case.body), np.linalg.inv(matrix @ case.inverse_mass @ matrix.mT))
-    joints = np.linalg.inv(case.inverse_mass[:, 6:, 6:])
-    assert_close(joint_inertia(case.body, case.terms.mass_matrix), joints)
+def test_eqs_16_17_22_24_28_and_29_inertia_is_block_diagonal(case):
+    expected = np.zeros_like(case.inertia)
+    expected[:, :3, :3] = np.eye(3) / case.robot.mass
+    expected[:, 3:6, 3:6] = case.body.inverse_inertia
+    expected[:, 6:, 6:] = np.linalg.inv(case.inverse_mass[:, 6:, 6:])
+    assert_close(case.inertia, expected)
+    joints = case.terms.mass_matrix[:, 6:, 6:]  # less A_q^T Lambda_h A_q
+    joints = joints - case.body.wrench_map[:, 6:] @ case.body.matrix[:, :, 6:]
+    assert_close(case.inertia[:, 6:, 6:], joints)
+    at_com = case.body.matrix[:, :3] / case.robot.mass
+    assert_close(at_com @ case.inverse_mass @ at_com.mT, expected[:, :3, :3])
 
 
-def test_eq_18_from_its_definition(case):
-    full = case.full
-    force = np.matvec(case.coriolis, case.velocity)
-    inner = np.matvec(full.transform @ case.inverse_mass, force)
-    inner -= np.matvec(full.transform_rate, case.velocity)
-    assert_close(np.matvec(full.coriolis, case.xi), np.matvec(full.inertia, inner))
-
-
-def test_eq_15_and_25_coupling_of_velocities_is_skew(case):
-    gamma = case.full.coriolis
+def test_eqs_15_19_and_25_velocities_are_coupled_without_work(case):
+    gamma, inner = case.gamma, slice(3)
     assert_zero(gamma[:, 6:, :6] + gamma[:, :6, 6:].mT, gamma)
     assert_zero(gamma[:, 3:6, :3] + gamma[:, :3, 3:6].mT, gamma)
-    assert_zero(gamma[:, :3, :3] + gamma[:, :3, :3].mT, gamma)
-
-
-def test_inertia_rate_less_twice_gamma_is_skew(case):
-    def blocks(terms):
-        body = centroidal_terms(terms, case.velocity)
-        inertia = np.zeros_like(terms.mass_matrix)
-        inertia[:, :6, :6] = momentum_inertia(body)
-        inertia[:, 6:, 6:] = joint_inertia(body, terms.mass_matrix)
-        return inertia
-
-    rate, gamma = time_derivative(case, blocks), case.full.coriolis
-    np.testing.assert_allclose(
-        gamma + gamma.mT, rate, rtol=0.0, atol=1e-6 * max(1.0, np.abs(gamma).max())
-    )
-
-
-def test_eq_19_joints_do_not_push_the_momentum(case):
-    gamma = case.full.coriolis[:, :6]
-    assert_zero(np.matvec(gamma, case.xi), np.abs(gamma).max() * np.abs(case.xi).max())
-
-
-def test_eq_21_angular_and_linear_rows_are_orthogonal(case):
-    product = case.body.matrix[:, 3:] @ case.inverse_mass
-    assert_zero(product @ case.body.matrix[:, :3].mT, product)
+    assert_zero(gamma[:, inner, inner] + gamma[:, inner, inner].mT, gamma)
+    assert_rate(gamma + gamma.mT, case, lambda terms: decoupled(terms, case.velocity)[2], 1e-6, 1.0)
+    # Joints do not push the momentum.
+    xi = np.matvec(case.transform, case.velocity)
+    assert_zero(np.matvec(gamma[:, :6], xi), np.abs(gamma[:, :6]).max() * np.abs(xi).max())
 
 
 def test_eq_26_gravity_acts_on_the_linear_momentum_alone(case):
-    transformed = np.matvec(case.full.inverse_transform.mT, case.gravity_force)
-    expected = np.zeros_like(transformed)
+    expected = np.zeros_like(case.gravity_force)
     expected[:, :3] = -case.robot.model.opt.gravity
-    assert_close(transformed, expected, np.abs(case.gravity_force).max())
-
-
-def test_eqs_28_and_29_linear_inertia(case):
-    linear = case.body.matrix[:, :3]
-    expected = np.broadcast_to(np.eye(3) / case.robot.mass, (COUNT, 3, 3))
-    assert_close(np.linalg.inv(linear @ case.inverse_mass @ linear.mT), expected)
-    assert_close(momentum_inertia(case.body)[:, :3, :3], expected)
-    at_com = linear / case.robot.mass
-    assert_close(at_com @ case.inverse_mass @ at_com.mT, expected)
+    assert_close(np.matvec(case.back.mT, case.gravity_force), expected, case.gravity_force)
 
 
 def test_eqs_30_and_32_wrench_at_the_com(case, rng):
     wrench = rng.normal(size=(COUNT, 6))
-    assert_close(case.body.wrench_map, case.body.matrix.mT @ momentum_inertia(case.body))
-    force = np.matvec(case.body.wrench_map, wrench)
-    acceleration = np.matvec(case.inverse_mass, force - np.matvec(case.coriolis, case.velocity))
-    rate = np.matvec(case.body.matrix, acceleration)
-    rate += np.matvec(case.full.transform_rate[:, :6], case.velocity)
-    assert_close(rate, wrench, np.abs(case.coriolis @ case.velocity[..., None]).max())
+    assert_close(case.body.wrench_map, case.body.matrix.mT @ case.inertia[:, :6, :6])
+    drift = np.matvec(case.coriolis, case.velocity)
+    force = np.matvec(case.body.wrench_map, wrench) - drift
+    assert_close(case.momentum_rate(force), wrench, drift)
 
 
-def test_eq_33_generalized_jacobian(case):
-    jacobian, _ = point_jacobian(contact_geometry(case.robot), case.terms)
-    transformed = transformed_jacobian(case.body, jacobian)
-    assert_close(transformed, jacobian @ case.full.inverse_transform)
+def generalized_jacobian(mass_matrix, jacobian):
+    """Of a free-floating robot (Umetani and Yoshida 1987)."""
+    base = np.linalg.solve(mass_matrix[:, :6, :6], mass_matrix[:, :6, 6:])
+    return jacobian[:, :, 6:] - jacobian[:, :, :6] @ base
+
+
+def test_eq_33_generalized_jacobian_and_what_eq_38_rests_on(case, rng):
+    """Jbar_b^T f = Lambda_h (wrench of f at the centre of mass)."""
+    jacobian, force, wrench = case.points(rng)
+    transformed = jacobian @ case.back
     joints = generalized_jacobian(case.terms.mass_matrix, jacobian)
     assert_close(transformed[:, :, 6:], joints)
-    assert_close(joints, jacobian @ case.pseudo_inverse(case.selection))
+    assert_close(joints, jacobian @ case.pseudo_inverse(case.transform[:, 6:]))
+    expected = np.matvec(case.inertia[:, :6, :6], wrench)
+    assert_close(np.matvec(transformed[:, :, :6].mT, force), expected)
 
 
-def test_contact_forces_act_on_momentum_through_their_wrench(case, rng):
-    # The identity behind eq. (38): Jbar_b^T f = Lambda_h (wrench of f at the centre of mass).
-    geometry = contact_geometry(case.robot)
-    force = rng.normal(size=(COUNT, geometry.num_points, 3))
-    jacobian, _ = point_jacobian(geometry, case.terms)
-    base = transformed_jacobian(case.body, jacobian)[:, :, :6]
-    arm = point_positions(geometry, case.terms) - case.terms.com[:, None]
-    wrench = np.concatenate([force.sum(1), np.cross(arm, force).sum(1)], axis=1)
-    expected = np.matvec(momentum_inertia(case.body), wrench)
-    assert_close(np.matvec(base.mT, force.reshape(COUNT, -1)), expected)
-
-
-def test_appendix_pseudo_inverse_of_the_momentum_matrix_by_its_halves(case):
+def test_eq_21_and_appendix_pseudo_inverse_of_the_momentum_matrix_by_its_halves(case):
     """A^{+M} = M^-1 A^T blkdiag(Lambda_p, Lambda_l) = [A_p^{+M}, A_l^{+M}]."""
-    matrix = case.body.matrix
+    matrix, expected = case.body.matrix, case.pseudo_inverse(case.body.matrix)
+    product = case.inverse_mass @ matrix.mT
+    assert_zero(matrix[:, 3:] @ product[:, :, :3], product)
     halves = [case.pseudo_inverse(matrix[:, part]) for part in (slice(3), slice(3, 6))]
-    expected = case.pseudo_inverse(matrix)
     assert_close(np.concatenate(halves, axis=2), expected)
-    assert_close(case.inverse_mass @ matrix.mT @ momentum_inertia(case.body), expected)
+    assert_close(product @ case.inertia[:, :6, :6], expected)
 
 
-def test_eq_35_the_model_of_ott_2011(case, rng):
+def test_eqs_35_and_37_the_model_of_ott_2011(case, rng):
     """With v_C = [velocity of the centre of mass, world spin of the base, joint rates] = T v.
 
     The centre of mass is on its own, hip and joints are coupled; and the joints' block is not
@@ -365,39 +301,35 @@ def test_eq_35_the_model_of_ott_2011(case, rng):
     hip, coupling, joints = inertia[:, 3:6, 3:6], inertia[:, 3:6, 6:], inertia[:, 6:, 6:]
     assert_close(hip, case.body.inertia)
     eliminated = coupling.mT @ np.linalg.solve(hip, coupling)
-    assert_close(joints - eliminated, case.full.inertia[:, 6:, 6:], np.abs(joints).max())
+    assert_close(joints - eliminated, case.inertia[:, 6:, 6:], joints)
     assert np.abs(eliminated).max() > 0.01 * np.abs(joints).max()
     # The angular momentum, of which (36) counts the hip's part alone.
     rates = np.matvec(change, case.velocity)
     angular = np.matvec(hip, rates[:, 3:6]) + np.matvec(coupling, rates[:, 6:])
     assert_close(angular, case.body.momentum[:, 3:])
-    weight = np.matvec(back.mT, case.gravity_force)
-    expected = np.zeros_like(weight)
+    expected = np.zeros_like(rates)
     expected[:, :3] = -mass * case.robot.model.opt.gravity
-    assert_close(weight, expected, np.abs(case.gravity_force).max())
-    # (37): the base rows of the contacts' Jacobians add up to the wrench at the centre of mass.
-    geometry = contact_geometry(case.robot)
-    force = rng.normal(size=(COUNT, geometry.num_points, 3))
-    jacobian, _ = point_jacobian(geometry, terms)
-    total = np.matvec((jacobian @ back)[:, :, :6].mT, force.reshape(COUNT, -1))
-    arm = point_positions(geometry, terms) - terms.com[:, None]
-    assert_close(total, np.concatenate([force.sum(1), np.cross(arm, force).sum(1)], axis=1))
+    assert_close(np.matvec(back.mT, case.gravity_force), expected, case.gravity_force)
+    jacobian, force, wrench = case.points(rng)
+    assert_close(np.matvec((jacobian @ back)[:, :, :6].mT, force), wrench)
 
 
 def test_eq_34_kinetic_energy_in_three_parts(case):
-    energy = kinetic_energy(case.body, case.terms.mass_matrix, case.velocity)
-    momentum = np.matvec(case.terms.mass_matrix, case.velocity)
-    assert energy.shape == (COUNT, 3)
-    assert (energy > 0.0).all()
-    assert_close(energy.sum(axis=1), 0.5 * np.vecdot(case.velocity, momentum))
-
-
-# --- simulation --------------------------------------------------------------------------------
+    linear, angular = case.body.momentum[:, :3], case.body.momentum[:, 3:]
+    joints = case.velocity[:, 6:]
+    parts = np.array([
+        np.vecdot(linear, linear) / case.body.mass,
+        np.vecdot(angular, np.matvec(case.body.inverse_inertia, angular)),
+        np.vecdot(joints, np.matvec(case.inertia[:, 6:, 6:], joints)),
+    ])  # fmt: skip
+    assert (parts > 0.0).all()
+    whole = np.vecdot(case.velocity, np.matvec(case.terms.mass_matrix, case.velocity))
+    assert_close(parts.sum(axis=0), whole)
 
 
 @pytest.mark.parametrize("name", robots.ROBOTS)
 def test_in_flight_motors_move_joints_and_feet_but_not_the_momentum(name):
-    """Gravity off, nothing touched: h stays zero, and Jbar qdot is the velocity of the feet."""
+    """Simulated without gravity and contacts: h stays zero, Jbar qdot is the feet's velocity."""
     robot = robots.load(name)
     model = copy.copy(robot.model)
     model.opt.gravity[:] = 0.0
@@ -408,19 +340,18 @@ def test_in_flight_motors_move_joints_and_feet_but_not_the_momentum(name):
     rng, dynamics = np.random.default_rng(3), MuJoCoDynamics(robot)
     torque = 0.1 * robot.torque_limit * rng.choice([-1.0, 1.0], robot.num_joints)
     fastest = 0.0
-    for step in range(200):
-        sign = 1.0 if step < 100 else -1.0
-        data.ctrl[robot.actuator] = sign * torque / robot.gear
-        mujoco.mj_step(model, data)
-        if step % 20 == 19:
-            velocity = data.qvel[None]
-            terms = dynamics.terms(data.qpos[None], velocity)
-            body = centroidal_terms(terms, velocity)
-            size = np.abs(body.matrix[0] * data.qvel).sum(axis=1)
-            assert (np.abs(body.momentum[0]) < 1e-6 * size).all()
-            jacobian = generalized_jacobian(terms.mass_matrix, terms.foot_jacobian[:, 0])
-            foot = np.matvec(jacobian, velocity[:, 6:])
-            speed = np.abs(terms.foot_velocity[:, 0]).max()
-            np.testing.assert_allclose(foot, terms.foot_velocity[:, 0], atol=1e-6 * speed)
-            fastest = max(fastest, speed)
+    for half in range(10):
+        data.ctrl[robot.actuator] = (1.0 if half < 5 else -1.0) * torque / robot.gear
+        mujoco.mj_step(model, data, nstep=20)
+        velocity = data.qvel[None]
+        terms = dynamics.terms(data.qpos[None], velocity)
+        body = centroidal_terms(terms, velocity)
+        size = np.abs(body.matrix[0] * data.qvel).sum(axis=1)
+        assert (np.abs(body.momentum[0]) < 1e-6 * size).all()
+        jacobian = generalized_jacobian(terms.mass_matrix, terms.foot_jacobian[:, 0])
+        speed = np.abs(terms.foot_velocity[:, 0]).max()
+        np.testing.assert_allclose(
+            np.matvec(jacobian, velocity[:, 6:]), terms.foot_velocity[:, 0], atol=1e-6 * speed
+        )
+        fastest = max(fastest, speed)
     assert fastest > 0.5

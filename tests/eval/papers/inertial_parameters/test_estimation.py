@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import clarabel
-import gymnasium as gym
 import numpy as np
 import pytest
 from scipy import sparse
@@ -25,7 +24,7 @@ from eval.papers.inertial_parameters.inertia import (
 )
 from eval.papers.inertial_parameters.regressor import InertialRegressor
 from fbid_gym import robots
-from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 
 TINY = 1e-13
@@ -145,12 +144,6 @@ def test_free_motions_are_the_null_space_of_the_contacts(rng):
     np.testing.assert_allclose(np.trace(gram, axis1=1, axis2=2), count, atol=1e-12)
 
 
-def test_free_motions_without_contact_are_all(rng):
-    rows, count = free_motions(np.zeros((2, 6, 9)))
-    np.testing.assert_array_equal(count, [9, 9])
-    np.testing.assert_allclose(rows @ rows.mT, np.tile(np.eye(9), (2, 1, 1)), atol=1e-12)
-
-
 def test_contact_forces_do_not_matter(true, samples):
     """The equations hold at the truth, however large the forces that nobody measured."""
     regressor = InertialRegressor(true)
@@ -231,18 +224,6 @@ def test_parameters_told_by_themselves_come_back(true, exact):
     assert told.sum() > 10
     assert wrong_by[told].max() < 1e-4
     assert wrong_by[exact.excitation.open_share > 0.3].max() > 0.01
-
-
-def test_the_model_serves_every_provider(true, exact, rng, random_states, relative_error):
-    model = exact.model()
-    assert model.mass == pytest.approx(exact.mass)
-    qpos, qvel = random_states(true.model, 3)
-    expected = MuJoCoDynamics(true).terms(qpos, qvel)
-    for provider in (MuJoCoDynamics, PinocchioDynamics):
-        actual = provider(model).terms(qpos, qvel)
-        for name in ("mass_matrix", "bias", "com"):
-            error = relative_error(getattr(actual, name), getattr(expected, name))
-            assert error < 1e-6, name
 
 
 @pytest.mark.parametrize("weight", [1e-2, 1e-6, 1e-12])
@@ -345,13 +326,6 @@ def semidefinite_least_squares(data, nominal):
     return float(np.sqrt((left @ left * data.square + data.rest**2) / data.rows))
 
 
-def test_a_strong_prior_keeps_the_nominal_model(nominal, samples):
-    found = identify(nominal, samples, prior_weight=1e6)
-    scale = np.linalg.norm(natural_steps(found.nominal), axis=2)
-    assert (np.abs(found.parameters - found.nominal) / scale).max() < 1e-4
-    assert found.residual == pytest.approx(residual_of(nominal, samples), rel=1e-3)
-
-
 def test_a_known_mass_is_kept(nominal, true, samples, rng):
     noisy = samples._replace(qacc=samples.qacc + 10.0 * rng.normal(size=samples.qacc.shape))
     free = identify(nominal, noisy)
@@ -438,16 +412,3 @@ def test_names_cover_all_parameters_once(exact):
         report.singular_values[0] / report.singular_values[report.dimension - 1]
     )
     assert (np.diff(report.singular_values) <= 0.0).all()
-
-
-def test_worlds_are_made_of_the_robot_with_its_parameters() -> None:
-    """Also on level ground: an environment compiles its robot anew."""
-    nominal = robots.load("quadruped")
-    regressor = InertialRegressor(nominal)
-    heavy = with_parameters(nominal, regressor.bodies, 1.5 * regressor.parameters())
-    env = gym.make("fbid_gym/QuadrupedBalance-v0", robot=heavy).unwrapped
-    world = env.batch.simulation.model
-    assert heavy.mass == pytest.approx(1.5 * nominal.mass)
-    for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
-        there, own = getattr(world, name), getattr(heavy.model, name)
-        np.testing.assert_allclose(there, own, rtol=1e-12, atol=1e-12, err_msg=name)

@@ -2,7 +2,6 @@
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from eval.papers.inertial_parameters.inertia import (
@@ -47,14 +46,6 @@ def test_pseudo_inertia_of_point_masses(rng):
     expected = homogeneous.T @ (mass[:, None] * homogeneous)
     np.testing.assert_allclose(pseudo_inertia(parameters), expected, atol=1e-12)
     np.testing.assert_allclose(parameters_of_pseudo_inertia(expected), parameters, atol=1e-12)
-
-
-def test_parameters_are_in_pinocchios_order(rng):
-    mass, points = rng.uniform(0.1, 2.0, 6), rng.normal(size=(6, 3))
-    parameters = parameters_of_points(mass, points)
-    inertia = pin.Inertia.FromDynamicParameters(parameters)
-    assert inertia.mass == pytest.approx(mass.sum())
-    np.testing.assert_allclose(inertia.lever, mass @ points / mass.sum(), atol=1e-12)
 
 
 def test_consistency_tells_what_can_exist(rng):

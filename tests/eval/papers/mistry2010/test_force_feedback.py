@@ -94,18 +94,6 @@ def test_force_of_a_torque_is_that_of_forward_dynamics(
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_an_applied_torque_comes_back_from_eq_8(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
-) -> None:
-    system = make_system(contacts)
-    torque = torque_of(system)
-    acceleration, force = forward(system, torque)
-    found = force_feedback(equation(system._replace(acceleration=acceleration)), force)
-    np.testing.assert_allclose(found.torque, torque, atol=1e-6)
-    np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
-    np.testing.assert_array_equal(found.contact_force, force)
-
-
 def test_eq_8_to_the_letter_for_any_force(
     make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
 ) -> None:

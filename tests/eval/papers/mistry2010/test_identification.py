@@ -36,8 +36,8 @@ def test_filter_is_exact_for_polynomials():
 
 
 def test_exciting_motions_keep_their_feet(robot):
-    motion = exciting(robot, 3, seed=3)
-    assert motion.period == 3 * RATES.control
+    motion = exciting(robot, 8, seed=3)
+    assert motion.period == 8 * RATES.control
     low, high = robot.joint_range.T
     for stance, planted in enumerate(STANCES.values()):
         qpos, qvel, qacc = (part[stance, ::20] for part in motion.states)
