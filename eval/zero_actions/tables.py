@@ -382,14 +382,14 @@ def _acting(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]
     own = ENVIRONMENTS[policy.env_id] | dict(policy.env_args)
     robot, layer = own["robot"], own["action_layer"]
     if robot in (config.robots or table.robots) and layer in (config.layers or table.layers):
-        count = config.episodes or table.episodes
-        run = {"push_force": (config.push,) * 2, "episode_seconds": config.seconds or table.seconds}
+        count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
+        own |= {"push_force": (config.push, config.push), "episode_seconds": seconds}
         ((factor, levels),) = table.factors.items()
         for value, level in levels.items():
             if "told" in level:  # a policy's layer has the options with which it was trained
                 continue
             cells = {"robot": robot, "layer": layer, "acts": "policy", factor: value}
-            measure = partial(walk, {**own, **run, **level}, count, config.seed, policy)
+            measure = partial(walk, {**own, **level}, count, config.seed, policy)
             yield Case(cells | _shared(config, table), measure)
 
 
