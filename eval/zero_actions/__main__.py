@@ -124,8 +124,9 @@ def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     means = {"reward": "reward a step until they fell", "return": "return"}
     told = means.get(table.error, "velocity error in m/s")
     error = f", and their mean {told}" if table.error else ""
+    pushes = "" if "push" in table.without else f", pushes of {push} N"
     return (
-        f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
+        f"{episodes} robots each, {seconds} s{pushes}. Cells: how many of them stayed "
         f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "
         "the 95 % interval of the share that stayed up. By"
     )
