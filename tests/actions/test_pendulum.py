@@ -8,7 +8,9 @@ from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import standing_target
+from tests.actions.cases import layer_of
 
 OMEGA = 3.0
 
@@ -66,3 +68,8 @@ def test_in_flight_nothing_is_carried(robot, rng):
     target.load[:] = 0.0
     own = Stance.of(robot).legs.any(axis=0)
     np.testing.assert_array_equal(carry(pendulum, target, terms)[:, own], 0.0)
+
+
+def test_who_follows_no_gait_is_no_pendulum():
+    with pytest.raises(InvalidValueError, match=r"pendulum.*True"):
+        layer_of("joint_position", robots.load("biped"), pendulum=True)

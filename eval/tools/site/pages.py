@@ -22,7 +22,7 @@ REFERENCE: dict[str, tuple[str, tuple[str, ...]]] = {
     "tasks": ("Tasks", ("walk_measures",)),
     "actions": (
         "Action layers",
-        (*LAYERS, "law", "gains", "contact_options", "ranges", "joint_gains"),
+        (*LAYERS, "law", "pendulum", "gains", "contact_options", "ranges", "joint_gains"),
     ),
     "motions": ("Motions", ()),
     "control": ("Control laws", ("body_law", "momentum_balance", "balancers")),
