@@ -89,7 +89,7 @@ LINES = {
     "actions": 2580,
     "control": 4720,
     "dynamics": 1650,
-    "envs": 3381,
+    "envs": 3385,
     "estimation": 1784,
     "motions": 3812,
     "policy": 590,
