@@ -20,8 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 Memory = dict[str, np.ndarray]
-"""What is remembered of robots from tick to tick, one row for each: resetting a robot is resetting
-a row."""
+"""What is remembered from tick to tick, a row a robot: to reset a robot is to reset its row."""
 
 
 class RobotState(NamedTuple):
@@ -30,8 +29,7 @@ class RobotState(NamedTuple):
     Attributes:
         qpos: (N, nq) m, unit quaternion wxyz, rad.
         qvel: (N, nv) m/s, rad/s.
-        contact_force: (N, P, 3) N, world, force of the ground on the robot at each point, during
-            the last physics step.
+        contact_force: (N, P, 3) N, world, of the ground on each point in the last physics step.
         tick: (N,) int64, control ticks since the episode began.
     """
 
@@ -423,8 +421,7 @@ class Target(NamedTuple):
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
         cycle: (N,) share of the motion's cycle that has passed.
-        moment: (N,) factor on the weight of errors of the moment on the base beside those of the
-            force, see `fbid_gym.actions.law.Law.of`; 1 but where a gait hurries.
+        moment: (N,) factor on the weight of the base's moment beside the force, see `Law.of`.
     """
 
     planted: np.ndarray

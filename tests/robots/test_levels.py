@@ -107,6 +107,25 @@ def test_all_kinds_are_where_robots_start() -> None:
     assert tops == own
 
 
+def test_the_kind_of_ground_is_known_everywhere() -> None:
+    robot, names = load("go1"), LEVELLED[:-1]
+    every = make_terrain("mixed", robot, difficulty=None, seed=0)
+    alone = [make_terrain(name, robot, difficulty=1.0) for name in names]
+    tops = [float(kind.height(*kind.starts[4])) for kind in alone]
+    hardest = every.starts[-9:]
+    kinds = every.tiles.kind(hardest)
+    assert set(kinds) == set(range(len(names)))
+    height = every.height(*hardest.T)
+    np.testing.assert_allclose(height, np.take(tops, kinds), atol=1e-9)
+    # All over a patch, and alike on all tiles.
+    patch = every.tiles.edge / 5
+    for x, y in 0.49 * patch * np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]):
+        np.testing.assert_array_equal(every.tiles.kind(hardest + [x, y]), kinds)
+    np.testing.assert_array_equal(every.tiles.kind(every.starts[:9]), kinds)
+    for k, one in enumerate(alone):
+        assert (one.tiles.kind(one.starts) == k).all()
+
+
 def test_the_size_of_the_robot_decides() -> None:
     small, large = (make_terrain("stairs", load(name)) for name in ("go1", "quadruped"))
     ratio = large.tiles.edge / small.tiles.edge
