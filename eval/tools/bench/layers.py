@@ -13,10 +13,12 @@ from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.law import Law
+from fbid_gym.control.body_law import Command
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.runtime import Controller
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.runtime.rates import Rates
@@ -251,13 +253,20 @@ class _Bounds:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._law, name)
 
-    def torque(self, *given: Any) -> np.ndarray:
+    def torque(
+        self,
+        command: Command,
+        state: RobotState,
+        target: Target,
+        terms: DynamicsTerms,
+        memory: Memory,
+    ) -> np.ndarray:
         """Return the law's torque, see `Law.torque`."""
-        memory = {name: value.copy() for name, value in given[-1].items()}
+        copied = {name: value.copy() for name, value in memory.items()}
         found, self._turn = {}, -self._turn
-        for law, own in ((self._law, given[-1]), (self._free, memory))[:: self._turn]:
+        for law, own in ((self._law, memory), (self._free, copied))[:: self._turn]:
             start = time.process_time()
-            found[law] = law.torque(*(*given[:-1], own))
+            found[law] = law.torque(command, state, target, terms, own)
             spent = time.process_time() - start
             self.seconds += spent if law is self._law else -spent
         return found[self._law]
