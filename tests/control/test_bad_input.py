@@ -1,5 +1,6 @@
 """What does not fit a law is named, with what was expected."""
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -13,71 +14,80 @@ from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import ReducedContacts
 from tests.property.problems import Problem, robots_of
 
-ROBOTS = robots_of(Problem(0, 4, 5, 2, "none", 10.0, 0.5, 1.0))
-TERMS, BODY = ROBOTS.terms, centroidal_terms(ROBOTS.terms, ROBOTS.velocity)
-COUNT, ROWS = ROBOTS.drift.shape
-JOINTS, NV = ROBOTS.torque.shape[1], ROBOTS.velocity.shape[1]
-CONTACTS = ReducedContacts(ROBOTS.jacobian, ROBOTS.drift, np.tile(np.eye(ROWS), (COUNT, 1, 1)))
-TURNS, ZEROS = np.tile(np.eye(3), (COUNT, 1, 1)), np.zeros((COUNT, 6))
-LIMITED = {
-    "active": np.ones((COUNT, 2), bool),
-    "warm_start": ZEROS,
-    "wrench_cost": np.ones(6),
-    "length": 1.0,
-    "limits": ContactLimits(0.6),
-}
-EQUATIONS = {
-    "mass_matrix": TERMS.mass_matrix,
-    "bias": TERMS.bias,
-    "jacobian": ROBOTS.jacobian,
-    "acceleration": ROBOTS.acceleration,
-    "jacobian_bias": ROBOTS.drift,
-    "base_priority": 1.0,
-}
-MAPPED = {"terms": TERMS, "body": BODY, "contacts": CONTACTS, "posture": ROBOTS.torque}
-MAPPED |= {"mobility": np.ones((COUNT, JOINTS))}
-WRENCH = {
-    "gains": BalanceGains(1.0, 1.0, 1.0, 1.0),
-    "target": BalanceTarget(ZEROS[:, :3], TURNS, *[ZEROS[:, :3]] * 3, ZEROS),
-    **{"com": TERMS.com, "rotation": TURNS, "mass": 10.0, "axes": TURNS},
-}
-LAWS: dict[str, dict[str, Any]] = {
-    "orthogonal_inverse_dynamics": EQUATIONS | {"torque_cost": np.ones(JOINTS)},
-    "limited_inverse_dynamics": EQUATIONS | LIMITED | {"point_map": CONTACTS.point_map},
-    "operational_space_acceleration": {
-        "jacobian": ROBOTS.jacobian,
-        "jacobian_bias": ROBOTS.drift,
-        "task_jacobian": ROBOTS.task_jacobian,
-        "task_bias": ROBOTS.task,
-        "task": ROBOTS.task,
-        "reference": ROBOTS.acceleration,
-        "motion_cost": np.ones(NV),
-        "least_gain": 0.1,
-    },
-    "distribute": {
-        "torque_map": control.torque_map_ott2011(**MAPPED),
-        "wrench": ROBOTS.wrench,
-        "to_com": BODY.to_com,
-        "point_map": CONTACTS.point_map,
-        "weight": 98.1,
-        "torque_limit": np.full(JOINTS, 30.0),
-        **LIMITED,
-    },
-    **{f"torque_map_{n}": MAPPED for n in ("ott2011", "garofalo2015", "inverse_dynamics")},
-    "desired_wrench_garofalo2015": WRENCH | {"momentum": ZEROS},
-    "desired_wrench_ott2011": WRENCH
-    | {"com_velocity": ZEROS[:, :3], "angular_velocity": ZEROS[:, :3]},
-}
 POSITIVE = ("torque_cost", "base_priority", "length", "wrench_cost", "motion_cost", "least_gain",
             "weight", "mass", "mobility")  # fmt: skip
 UNUSED = {"foot_position", "world_from_foot", "foot_velocity", "foot_jacobian", "foot_bias",
           "base_position", "com", "world_from_base", "world_from_trunk", "com_velocity", "momentum",
           "inertia", "point_map"}  # fmt: skip
+NAMES = ("orthogonal_inverse_dynamics", "limited_inverse_dynamics", "distribute",
+         "operational_space_acceleration", "torque_map_ott2011", "torque_map_garofalo2015",
+         "torque_map_inverse_dynamics", "desired_wrench_garofalo2015",
+         "desired_wrench_ott2011")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LAWS)
+@functools.cache
+def laws() -> dict[str, dict[str, Any]]:
+    """What each law is given: made, and compiled, by the first test that asks."""
+    robots = robots_of(Problem(0, 4, 5, 2, "none", 10.0, 0.5, 1.0))
+    terms, body = robots.terms, centroidal_terms(robots.terms, robots.velocity)
+    count, rows = robots.drift.shape
+    joints, nv = robots.torque.shape[1], robots.velocity.shape[1]
+    contacts = ReducedContacts(robots.jacobian, robots.drift, np.tile(np.eye(rows), (count, 1, 1)))
+    turns, zeros = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 6))
+    limited = {
+        "active": np.ones((count, 2), bool),
+        "warm_start": zeros,
+        "wrench_cost": np.ones(6),
+        "length": 1.0,
+        "limits": ContactLimits(0.6),
+    }
+    equations = {
+        "mass_matrix": terms.mass_matrix,
+        "bias": terms.bias,
+        "jacobian": robots.jacobian,
+        "acceleration": robots.acceleration,
+        "jacobian_bias": robots.drift,
+        "base_priority": 1.0,
+    }
+    mapped = {"terms": terms, "body": body, "contacts": contacts, "posture": robots.torque}
+    mapped |= {"mobility": np.ones((count, joints))}
+    wrench = {
+        "gains": BalanceGains(1.0, 1.0, 1.0, 1.0),
+        "target": BalanceTarget(zeros[:, :3], turns, *[zeros[:, :3]] * 3, zeros),
+        **{"com": terms.com, "rotation": turns, "mass": 10.0, "axes": turns},
+    }
+    return {
+        "orthogonal_inverse_dynamics": equations | {"torque_cost": np.ones(joints)},
+        "limited_inverse_dynamics": equations | limited | {"point_map": contacts.point_map},
+        "operational_space_acceleration": {
+            "jacobian": robots.jacobian,
+            "jacobian_bias": robots.drift,
+            "task_jacobian": robots.task_jacobian,
+            "task_bias": robots.task,
+            "task": robots.task,
+            "reference": robots.acceleration,
+            "motion_cost": np.ones(nv),
+            "least_gain": 0.1,
+        },
+        "distribute": {
+            "torque_map": control.torque_map_ott2011(**mapped),
+            "wrench": robots.wrench,
+            "to_com": body.to_com,
+            "point_map": contacts.point_map,
+            "weight": 98.1,
+            "torque_limit": np.full(joints, 30.0),
+            **limited,
+        },
+        **{f"torque_map_{n}": mapped for n in ("ott2011", "garofalo2015", "inverse_dynamics")},
+        "desired_wrench_garofalo2015": wrench | {"momentum": zeros},
+        "desired_wrench_ott2011": wrench
+        | {"com_velocity": zeros[:, :3], "angular_velocity": zeros[:, :3]},
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_arrays_of_other_robots_and_sizes_are_refused(name):
-    law, given = getattr(control, name), LAWS[name]
+    law, given = getattr(control, name), laws()[name]
     law(**given)
     for key, value in given.items():
         if isinstance(value, np.ndarray):
@@ -91,9 +101,9 @@ def test_arrays_of_other_robots_and_sizes_are_refused(name):
                     law(**given | {key: one})
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", NAMES)
 def test_numbers_that_are_not_positive_are_refused(name):
-    law, given = getattr(control, name), LAWS[name]
+    law, given = getattr(control, name), laws()[name]
     for key in given.keys() & set(POSITIVE):
         # A robot whose own weight is no number has answers that are none.
         for bad in (0.0, -1.0, np.nan, np.inf)[: 2 if key in ("weight", "mass") else 4]:
@@ -135,7 +145,7 @@ def test_gains_and_limits_are_checked():
 
 def test_what_is_given_is_left_alone():
     """And limits are those that they were made of."""
-    for name, given in LAWS.items():
+    for name, given in laws().items():
         arrays = [value for value in given.values() if isinstance(value, np.ndarray)]
         before = [value.copy() for value in arrays]
         getattr(control, name)(**given)

@@ -5,11 +5,7 @@ import shlex
 import pytest
 
 from eval.page.docs import (
-    BENCHMARK_PAGE,
-    DOCS,
     END,
-    PAPERS_PAGE,
-    ROBUSTNESS_PAGE,
     START,
     command_block,
     splice,
@@ -32,10 +28,6 @@ def test_missing_or_doubled_marks_are_refused(tmp_path, text):
     with pytest.raises(RunError, match="page.md needs .* once each"):
         splice(page, "new")
     assert page.read_text() == text
-
-
-PAGES = [BENCHMARK_PAGE, PAPERS_PAGE, ROBUSTNESS_PAGE]
-PAGES += [DOCS / f"{name}.md" for name in ("walking", "terrain", "rates", "zoo")]
 
 
 @pytest.mark.parametrize("words", [["python"], ["a b", "c'd", "$e"], ["x" * 300, *["word"] * 90]])

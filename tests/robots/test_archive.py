@@ -148,23 +148,29 @@ def told_with(arguments: str) -> bytes:
 
 
 BAD = {
-    "no zip": (b"robot", "not a zip that can be read"),
-    "no LZMA": (LZMA.replace(b"\x5d\x00\x00", b"\xff\xff\xff", 1), "not a zip that can be read"),
-    "no arguments": (packed({"a.xml": XML}), "holds no robot.json"),
-    "no robot": (packed({"robot.json": "{}"}), "not a valid MJCF"),
-    "no MJCF": (packed({"robot.json": "{}", "a.xml": "<x/>"}), "not a valid MJCF"),
-    "deep": (told_with("[" * 10**5), "not JSON, truncated"),
-    "a list": (told_with("[]"), "Expected a JSON object"),
-    "a key": (told_with('{"code": 1}'), "code"),
-    "its feet": (told_with('{"feet": [3]}'), "feet"),
-    "a bomb": (packed({"robot.json": "{}", "a.xml": " " * (2**28 + 1)}), "more than 256 MB"),
+    "no zip": (lambda: b"robot", "not a zip that can be read"),
+    "no LZMA": (
+        lambda: LZMA.replace(b"\x5d\x00\x00", b"\xff\xff\xff", 1),
+        "not a zip that can be read",
+    ),
+    "no arguments": (lambda: packed({"a.xml": XML}), "holds no robot.json"),
+    "no robot": (lambda: packed({"robot.json": "{}"}), "not a valid MJCF"),
+    "no MJCF": (lambda: packed({"robot.json": "{}", "a.xml": "<x/>"}), "not a valid MJCF"),
+    "deep": (lambda: told_with("[" * 10**5), "not JSON, truncated"),
+    "a list": (lambda: told_with("[]"), "Expected a JSON object"),
+    "a key": (lambda: told_with('{"code": 1}'), "code"),
+    "its feet": (lambda: told_with('{"feet": [3]}'), "feet"),
+    "a bomb": (
+        lambda: packed({"robot.json": "{}", "a.xml": " " * (2**28 + 1)}),
+        "more than 256 MB",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_files_that_are_no_robot_are_refused(name: str, tmp_path: Path) -> None:
     content, message = BAD[name]
-    (tmp_path / "robot.zip").write_bytes(content)
+    (tmp_path / "robot.zip").write_bytes(content())
     with pytest.raises(FbidError, match=message):
         Robot.load(tmp_path / "robot.zip")
 
