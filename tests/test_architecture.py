@@ -93,12 +93,12 @@ LINES = {
     "estimation": 1784,
     "motions": 3685,
     "policy": 590,
-    "robots": 5300,
-    "runtime": 1900,
+    "robots": 5302,
+    "runtime": 1917,
     "tasks": 2210,
 }
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_100
+TEST_LINES = 29_120
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
