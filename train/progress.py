@@ -44,7 +44,7 @@ def _lines(console: Console, what: str, every: float, start: int) -> Tell:
         now = time.monotonic()
         if done <= start or now - last < every:
             return
-        last, left = now, (now - began) * (total - done) / (done - start) / 60.0
+        last, left = now, (now - began) * max(total - done, 0) / (done - start) / 60.0
         now_at = f", {doing}" if doing else ""
         say(console, f"{what}: {done:,} of {total:,}{now_at}; about {left:.1f} min left")
 

@@ -35,7 +35,7 @@ import numpy as np
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
-from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
+from fbid_gym.robots.terrain.grid import HeightGrid, plane
 from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
 from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
@@ -51,7 +51,6 @@ __all__ = [
     "Tiles",
     "check_height",
     "hardest",
-    "heights_below",
     "make_terrain",
     "plane",
     "world_of",

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.scene import add_solid, collision_bits, unused
-from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
+from fbid_gym.robots.terrain.grid import HeightGrid, plane
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
 
@@ -85,7 +85,7 @@ class Field:
         if self._is_level:
             return np.zeros(x.shape)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
-        return heights_below(self.grid, places[None]).reshape(x.shape)
+        return self.grid(places[None]).reshape(x.shape)
 
 
 def settled(elevation: np.ndarray) -> np.ndarray:
