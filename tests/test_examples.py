@@ -26,6 +26,7 @@ NEEDS = {
 }
 PAGES = (
     "README.md",
+    "docs/any_robot.md",
     "docs/arguments.md",
     "docs/deploy.md",
     "docs/index.md",

@@ -195,6 +195,7 @@ TABLES = {
         policies=(
             *(f"QuadrupedWalk-v0/{name}" for name in (*_BODY, "joint_position_gait")),
             *(f"BipedWalk-v0/{name}" for name in (*_BODY, "joint_position_gait")),
+            "HumanoidWalk-v0/base_acceleration",
         ),
     ),
     "proportional": Table(

@@ -118,6 +118,8 @@ class Plant:
         simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
         robot, com = self._simulation.robot, drawn["com"]
         mass, base = drawn["mass"] * drawn["total_mass"][:, None], robot.base_body
+        welded = np.flatnonzero(simulated.body_weldid == simulated.body_weldid[base])
+        base = int(welded[np.argmax(simulated.body_mass[welded])])  # the frame may be a body alone
         # What is carried, beside the base as it is.
         load = drawn["payload"] * robot.mass / (simulated.body_mass[base] * mass[:, base])
         away = _OFF_CENTRE * Stance.of(robot).radius * drawn["payload_place"]

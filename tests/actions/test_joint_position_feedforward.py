@@ -135,7 +135,8 @@ def test_feedback_is_as_soft_as_the_robot_falls(robot):
 def on_the_motion(motion, ticks, angle=1.1):
     """Robots that are where the motion has them, facing elsewhere; the feet's frame turns along."""
     reference = motion.reference(ticks)
-    qpos, qvel, qacc = (part.copy() for part in reference[-4:-1])
+    parts = reference.qpos, reference.qvel, reference.qacc
+    qpos, qvel, qacc = (part.copy() for part in parts)
     qpos, rotation = turned(qpos, angle)
     for part in (qvel, qacc):
         part[:, :3] = part[:, :3] @ rotation.T

@@ -184,7 +184,7 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path):
     changes = {
         "env": "fbid_gym/BipedBalance-v0",
         "action_layer": "base_acceleration",
-        "env_args": {"episode_seconds": 0.7, "push_interval": [0.3, 0.5]},
+        "env_args": {"push_interval": [0.1, 0.2], "push_force": [1500, 1500]},
         "num_threads": 2,
     }
     stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
@@ -192,7 +192,7 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path):
         train.ppo.main(stand_in.config(tmp_path / name, **changes))
     stand_in.assert_same_run(tmp_path / "b", tmp_path / "a")
     rows = stand_in.rows(tmp_path / "a/progress.csv")
-    assert min(float(row["length_mean"]) for row in rows[3:]) < 36 and int(rows[-1]["falls"]) > 0
+    assert int(rows[-1]["falls"]) > 0
 
 
 def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):

@@ -23,7 +23,7 @@ def made():
 def test_a_page_for_everything_and_no_gap_left(made):
     text = (ROOT / "mkdocs.yml").read_text()
     assert "\nstrict: true\n" in text
-    assert set(re.findall(r"- ([\w/]+\.md)", text)) == made.keys()
+    assert set(re.findall(r"- ([\w/-]+\.md)", text)) == made.keys()
     assert {f"layers/{name}.md" for name in LAYERS} < made.keys()
     for name in LAYERS:
         page = made[f"layers/{name}.md"]
