@@ -135,7 +135,7 @@ class Walk(Episode):
             interval=command_interval,
             lowered=lowered,
             scan=SCAN * height if height_scan else np.zeros((0, 2)),
-            ground=plane(),
+            ground=plane().heights,
         )
 
     def on(self, ground: Ground) -> "Walk":
