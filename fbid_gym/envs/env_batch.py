@@ -67,7 +67,7 @@ class EnvBatch:
         self.rates = config.rates()
         self.robot = config.load_robot()
         self.terrain, world = config.ground(undrawn(self.robot))
-        self.task = config.make_task(self.robot).on(self.terrain.grid.__call__)
+        self.task = config.make_task(self.robot).on(self.terrain.grid.heights)
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)

@@ -148,7 +148,7 @@ class Walk(Episode):
             ramp=command_ramp,
             lowered=lowered,
             scan=SCAN * height if height_scan else np.zeros((0, 2)),
-            ground=plane(),
+            ground=plane().heights,
         )
 
     def on(self, ground: Ground) -> "Walk":

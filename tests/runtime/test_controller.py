@@ -105,7 +105,7 @@ def test_a_policy_that_sees_the_ground_is_told_its_heights(monkeypatch):
 
     def heights(places):
         asked.append(places)
-        return batch.terrain.grid(places[None])[0]
+        return batch.terrain.grid.heights(places[None])[0]
 
     controller = Controller(EnvConfig.of(arguments), policy)
     taken = apart(monkeypatch, batch, controller, policy, COMMAND, heights)

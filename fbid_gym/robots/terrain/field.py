@@ -85,7 +85,7 @@ class Field:
         if self._is_level:
             return np.zeros(x.shape)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
-        return self.grid(places[None]).reshape(x.shape)
+        return self.grid.heights(places[None]).reshape(x.shape)
 
 
 def settled(elevation: np.ndarray) -> np.ndarray:

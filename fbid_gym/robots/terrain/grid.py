@@ -15,7 +15,7 @@ class HeightGrid(NamedTuple):
     cell: float  # m between nodes
     elevation: np.ndarray  # (R, C) m at the nodes, at least 0; rows along y, columns along x
 
-    def __call__(self, points: np.ndarray) -> np.ndarray:
+    def heights(self, points: np.ndarray) -> np.ndarray:
         """Return the heights (N, K) m below points (N, K, 2 or 3) m."""
         return heights_below(self, points)
 
