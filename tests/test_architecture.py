@@ -87,16 +87,16 @@ LONGER = {
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {
-    ".": 2370,
+    ".": 2385,
     "actions": 3185,
-    "control": 4720,
+    "control": 4740,
     "dynamics": 1675,
     "envs": 3470,
     "estimation": 2110,
     "motions": 3820,
     "policy": 590,
     "robots": 5730,
-    "runtime": 1920,
+    "runtime": 1922,
     "tasks": 2325,
 }
 # Of all that is in tests/; 24,000 is where this shall go.

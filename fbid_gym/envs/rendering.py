@@ -25,7 +25,6 @@ DISTANCE = 2.5
 # base's centre it ends, so that the trunk does not hide it.
 _ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 1.0, 0.0225, 0.4
 _SEEN_THROUGH = 0.3  # opacity of the robot
-_BELOW = 0.002  # m
 _PIXELS = 230.0  # in the size of the robot, where it is
 
 
@@ -74,9 +73,6 @@ class RobotRenderer:
     def _begin(self, batch: EnvBatch) -> None:
         _, self._model = batch.config.ground(batch.robot)  # with what is only drawn
         self._model.vis.map.alpha = _SEEN_THROUGH
-        kinds = self._model.geom_type
-        if (kinds == mujoco.mjtGeom.mjGEOM_HFIELD).any():  # flat parts of it are as high
-            self._model.geom_pos[kinds == mujoco.mjtGeom.mjGEOM_PLANE, 2] -= _BELOW
         self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
         self._option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = self.shown.any
         self._size = size_of(batch.task.body.stance)
