@@ -39,7 +39,7 @@ def assert_picture(frame):
     assert frame.std() > 20.0  # sky, ground and a robot, not one colour
 
 
-# Of a curriculum's ground, 200 m long, the software renderer's first picture differs: not understood.
+# Of a curriculum's ground, 200 m long, the first picture differs here: not understood.
 SHOWN = [name for name in list(ENVIRONMENTS)[::3] if not ENVIRONMENTS[name].get("curriculum")]
 
 

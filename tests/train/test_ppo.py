@@ -184,7 +184,7 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path):
     changes = {
         "env": "fbid_gym/BipedBalance-v0",
         "action_layer": "base_acceleration",
-        "env_args": {"push_interval": [0.1, 0.2], "push_force": [1500, 1500]},
+        "env_args": {"push_interval": [0.2, 0.3], "push_force": [1500, 1500]},
         "num_threads": 2,
     }
     stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
