@@ -109,25 +109,28 @@ def feedback(
     gains: JointGains,
     added: np.ndarray,
     added_rate: np.ndarray,
+    held: np.ndarray,
     state: RobotState,
     target: Target,
 ) -> np.ndarray:
-    """Return K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n) N·m.
+    """Return held + K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n).
 
     Args:
         gains: K_P, K_D and d.
         added: (N, n) rad (m for slides), to the joints' target.
         added_rate: (N or 1, n) per s.
+        held: (N or 1, n) N·m, as is the result.
         state: of the robots.
         target: q_t and qdot_t, one row for each robot or one for all.
     """
     torque = np.empty(added.shape)
     for i in range(len(torque)):
         row, own = min(i, len(target.qpos) - 1), min(i, len(added_rate) - 1)
+        base = min(i, len(held) - 1)
         for j in range(len(gains.stiffness)):
             error = target.qpos[row, 7 + j] + added[i, j] - state.qpos[i, 7 + j]
             rate = target.qvel[row, 6 + j] + added_rate[own, j] - state.qvel[i, 6 + j]
-            torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
+            torque[i, j] = held[base, j] + gains.stiffness[j] * error + gains.damping[j] * rate
             torque[i, j] += gains.drag[j] * target.qvel[row, 6 + j]
     return torque
 

@@ -146,13 +146,13 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        followed, hold = self.home, self.hold
+        followed, held = self.home, self.hold[None]
         if followed is None:
             followed = self.motion.target(state, target, terms())
         if self.carries is not None:
-            hold = carry(self.carries, target, terms())
-        rest = np.zeros((1, len(self.hold)))
-        return hold + feedback(self.gains, self.scale * action, rest, state, followed)
+            held = carry(self.carries, target, terms())
+        added, rate = self.scale * action, np.zeros((1, len(self.hold)))
+        return feedback(self.gains, added, rate, held, state, followed)
 
 
 def _gains(

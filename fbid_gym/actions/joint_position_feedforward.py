@@ -157,7 +157,7 @@ class JointPositionFeedforward(LawLayer):
         balance = np.array(self.balance or ())
         command = _follow(balance, offset, followed, known)
         torque = self.law.torque(command, state, target, known, memory)
-        torque += feedback(self.gains, offset.value, offset.rate, state, followed)
+        torque = feedback(self.gains, offset.value, offset.rate, torque, state, followed)
         move_on(self.offset, action, own)
         return torque
 

@@ -168,7 +168,8 @@ class Chunks:
         finally:  # whoever hears of an error may reset or load at once
             for _ in left:
                 pass  # nobody begins another chunk
-            wait(jobs)
+            if jobs:
+                wait(jobs)
         for job in jobs:
             job.result()
         return _joined([steps[chunk] for chunk in range(len(self.batches))])

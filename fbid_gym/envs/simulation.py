@@ -98,7 +98,9 @@ class Simulation:
         self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
         self._drives, self._motors = drives_of(robot), MotorState.cold(*self._shape)
         self.motors = None if robot.drives is None else self._motors
-        self._turns = 1 if self.motors is None else self._substeps
+        turns = 1 if self.motors is None else self._substeps
+        steps = self._substeps // turns
+        self._turns, self._turn = turns, (steps, steps / rates.physics, 1.0 / turns)
         self.changes = 0
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
@@ -176,9 +178,9 @@ class Simulation:
                 simulation's; updated.
         """
         torque = self.loop.arriving(torque, state.tick)
-        steps, own = self._substeps // self._turns, (self._wiring, self._drives, self._motors)
-        seconds, share = steps * self.model.opt.timestep, 1.0 / self._turns
+        steps, seconds, share = self._turn
         for _ in range(self._turns):
+            own = self._wiring, self._drives, self._motors
             turn_motors(*own, effort, torque, push, seconds, share)
             self.batch.step(None, nstep=steps, stage=_VELOCITY)
         self.note_change()

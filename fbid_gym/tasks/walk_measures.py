@@ -1,5 +1,6 @@
 """Measurements of walking robots, and their reward."""
 
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -48,14 +49,14 @@ class Notes(NamedTuple):
     @classmethod
     def of(cls, memory: Memory) -> "Notes":
         """Return them from the task's memory."""
-        return cls(*map(memory.__getitem__, _NOTED))
+        return cls._make(_noted(memory))
 
     def memory(self) -> Memory:
         """Return them as part of the task's memory."""
         return {_PREFIX + name: values for name, values in self._asdict().items()}
 
 
-_NOTED = [_PREFIX + name for name in Notes._fields]
+_noted = itemgetter(*(_PREFIX + name for name in Notes._fields))
 
 
 class Motion(NamedTuple):

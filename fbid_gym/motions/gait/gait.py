@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
 
 _PREFIX = "target_"
-_ASKED = tuple(_PREFIX + name for name in Target._fields)
+_asked = itemgetter(*(_PREFIX + name for name in Target._fields))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,10 @@ class Gait:
     # From headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots that stand.
     begin: Callable[[np.ndarray, np.ndarray], Any]
     walk: Callable[..., None]  # the kernel, see `point_feet.walk`
+
+    @cached_property
+    def _own(self) -> Callable[[Memory], tuple[np.ndarray, ...]]:
+        return itemgetter(*self.remembered._fields)
 
     @property
     def omega(self) -> float:
@@ -66,14 +72,14 @@ class Gait:
             contact_force: (N, P, 3) N, world, on the contact points.
             memory: of the robots; updated.
         """
-        own = self.remembered(*map(memory.__getitem__, self.remembered._fields))
+        own = self.remembered._make(self._own(memory))
         target = self.target(memory)
         self.walk(self.constants, command, terms, contact_force, self.tick, own, target)
         return target
 
     def target(self, memory: Memory) -> Target:
         """Return the robots' target, in the arrays of their memory."""
-        return Target(*map(memory.__getitem__, _ASKED))
+        return Target._make(_asked(memory))
 
 
 def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
