@@ -25,6 +25,7 @@ from eval.files import check_output, to_json, write
 from eval.video import Clip, record
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.envs.fitting import check_fits
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy, place_of
@@ -86,7 +87,10 @@ class Player:
         (observation_size,), (action_size,) = (space.shape for space in boxes)
         if self.policy is None:
             return lambda observation: np.zeros((len(observation), action_size), dtype=np.float32)
-        self.policy.check(observation_size=observation_size, action_size=action_size)
+        if self.robot is None:
+            self.policy.check(observation_size=observation_size, action_size=action_size)
+        else:
+            check_fits(self.policy, self.robot, observation_size, action_size)
         return self.policy
 
 
