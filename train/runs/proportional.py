@@ -29,6 +29,9 @@ from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
 PREFIX = "proportional:"
 """What a name begins with; then come the gain, and with a policy's name environment and layer."""
 
+LAW = "proportional"
+"""What such a policy says has learnt it."""
+
 GAIN = Number(0.0, 1e6, "1/s")
 
 _LACK = "velocity {} short of the command ({})"
@@ -88,7 +91,7 @@ def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Poli
         weights=(law,),
         biases=(np.zeros(len(law)),),
         clip=_BOUND,
-        algorithm="proportional",
+        algorithm=LAW,
         source=f"{PREFIX}{gain:g}",
     )
 
