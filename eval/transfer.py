@@ -143,11 +143,12 @@ def _row(robot: Robot, name: str, played: Episodes | None) -> dict[str, Any]:
 def table(rows: list[dict[str, Any]]) -> Table:
     """Return and share of the episodes without a fall, a row for each robot."""
     result = Table(title="Return, and share of the episodes without a fall", title_justify="left")
-    for heading in ("robot", "kg", "joints"):
+    result.add_column("robot", no_wrap=True)
+    for heading in ("kg", "joints"):
         result.add_column(heading)
     policies = list(dict.fromkeys(row["policy"] for row in rows))
     for policy in policies:
-        result.add_column(escape(policy), justify="right")
+        result.add_column(escape(policy), justify="right", overflow="fold")
     by_robot = dict[str, dict[str, dict[str, Any]]]()
     for row in rows:
         by_robot.setdefault(row["robot"], {})[row["policy"]] = row
