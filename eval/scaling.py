@@ -20,9 +20,11 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import tyro
 from rich.console import Console
+from scipy.stats import wilcoxon
 
 from eval.page.docs import DOCS, splice, spliced
 from eval.page.figures import Series, panel, sheet
+from eval.statistics import holm
 from eval.study.cells import policy_digest
 from eval.transfer import COLUMNS, ZERO
 from eval.wording import Form, capital, number, percent
@@ -252,20 +254,21 @@ def drawn(found: list[Played]) -> str:
 def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     """Return how all did together, and on each robot, as Markdown."""
     robots = unseen(found)
-    beside = [one for one in found if not one.bodies]
+    better = compared(found, robots)
     lines = [
         f"{len(robots)} robots that nobody learnt with; means over them and over seeds, and (least "
         "to greatest seed). Last columns: on how many of the robots an arm's mean return is above "
-        "that of its layer's zero action, and of its proportional law.",
+        "that of its layer's zero action, and of its proportional law; p of Wilcoxon's signed-rank "
+        "test over the robots, by Holm's method for all of these columns.",
         "",
         "| arm | layer | robots learnt with | seeds | return | up | > zero | > one gain |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for one in found:
         returned, up = one.over(one.returned, robots), one.over(one.up, robots)
-        better = [_better(one, beside, prefix, robots) for prefix in (ZERO, PREFIX)]
+        than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
         cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
-        cells += [_spread(returned, number), _spread(up, percent), *better]
+        cells += [_spread(returned, number), _spread(up, percent), *than]
         lines.append(f"| {' | '.join(cells)} |")
     first = {row["robot"]: row for row in rows}
     lines += [
@@ -288,14 +291,26 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     return "\n".join(lines)
 
 
-def _better(one: Played, beside: list[Played], prefix: str, robots: list[str]) -> str:
-    """On how many robots it earns more than a law of its layer."""
-    laws = [law for law in beside if law.layer == one.layer and law.name.startswith(prefix)]
-    if not one.bodies or not laws:
-        return "–"
-    law = laws[0].returned
-    more = sum(np.mean(one.returned[robot]) > np.mean(law[robot]) for robot in robots)
-    return f"{more} of {len(robots)}"
+def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], str]:
+    """Say on how many robots each arm earns more than a law of its layer, and how surely it does.
+
+    Returns:
+        By the name of the arm and the prefix of the law's.
+    """
+    pairs = {
+        (one.name, prefix): np.array(
+            [np.mean(one.returned[robot]) - np.mean(law.returned[robot]) for robot in robots]
+        )
+        for one in found
+        for law in found
+        for prefix in (ZERO, PREFIX)
+        if one.bodies and law.layer == one.layer and law.name.startswith(prefix)
+    }
+    p_values = holm([wilcoxon(more).pvalue if more.any() else 1.0 for more in pairs.values()])
+    return {
+        which: f"{(more > 0.0).sum()} of {len(robots)}, p = {number(p, 2)}"
+        for (which, more), p in zip(pairs.items(), p_values, strict=True)
+    }
 
 
 def _spread(values: np.ndarray, form: Form) -> str:

@@ -9,7 +9,7 @@ import viser
 
 from eval.play.lane import Lane
 from eval.play.shapes import Shape, shapes
-from eval.play.view import show_from
+from eval.play.view import aim, show_from
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
 
@@ -164,6 +164,12 @@ class Scene:
         self._world = server.scene.add_frame("/world", show_axes=False)
         server.scene.set_up_direction("+z")
         self._measured: Stance | None = None
+
+        @server.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            if client.camera.aspect < 1.0:  # the camera of those who come is for a wide picture
+                aim(client, self.size, self._height)
+
         self.bodies: list[Body] = []
         self._shown: list[list[Any]] = []
         self.cast(lanes)
@@ -205,7 +211,8 @@ class Scene:
             shadow_opacity=0.3,
             fade_distance=12.0 * self.size,
         )
-        show_from(self._server, self.size, float(stance.home_base[2]))
+        self._height = float(stance.home_base[2])
+        show_from(self._server, self.size, self._height)
 
     def look(self, lanes: list[Lane]) -> None:
         """Take the poses after a policy step."""

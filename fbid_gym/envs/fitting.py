@@ -21,7 +21,7 @@ def check_fits(policy: Policy, robot: Robot, observation_size: int, action_size:
     try:
         policy.check(observation_size=observation_size, action_size=action_size)
     except PolicyFileError as error:
-        if reason := _misfit(policy, robot):
+        if reason := _misfit(policy, robot, observation_size, action_size):
             raise PolicyFileError(f"{policy.source}: {reason}") from error
         raise
 
@@ -31,29 +31,24 @@ def sees_the_body(policy: Policy) -> bool:
     return policy.env_args.get("observation") == BODY
 
 
-def num_feet_of(policy: Policy) -> int | None:
-    """Return on how many feet a policy acts; None where only its run folder says so."""
-    its = _learnt_with(policy)
-    return None if its is None else its.num_feet
-
-
 def _learnt_with(policy: Policy) -> Robot | None:
     """Return the robot that a policy's arguments name; None for one of the user's own."""
     its = policy.env_args.get("robot", registered(policy.env_id).kwargs.get("robot"))
     return None if isinstance(its, Mapping) else load(str(its))
 
 
-def _misfit(policy: Policy, robot: Robot) -> str:
+def _misfit(policy: Policy, robot: Robot, observation_size: int, action_size: int) -> str:
     """Say what of a robot a policy does not fit; empty where it is not the robot."""
     its = _learnt_with(policy)
     if its is None:
         return ""
     if its.num_feet != robot.num_feet:
         return f"it acts on {its.num_feet} feet, and {robot.name} has {robot.num_feet}."
-    if its.num_joints == robot.num_joints:
-        return ""
+    more = robot.num_joints - its.num_joints
     joints = f"{its.num_joints} joints, and {robot.name} has {robot.num_joints}"
-    if not sees_the_body(policy):
+    if more and observation_size != policy.observation_size and not sees_the_body(policy):
         return f"it sees {joints}. Expected one that learnt with observation={BODY!r}."
-    layer = policy.env_args.get("action_layer")
-    return f"it moves {joints}. Expected a layer that moves the body, not {layer!r}."
+    if more and action_size - policy.action_size == more:
+        layer = policy.env_args.get("action_layer")
+        return f"it moves {joints}. Expected a layer that moves the body, not {layer!r}."
+    return ""

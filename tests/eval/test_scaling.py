@@ -69,10 +69,11 @@ def test_who_learnt_with_a_robot_is_not_tested_by_it(path):
     assert robots == ["quadruped", "zoo:quadruped:1000"]
     one = found[0]
     np.testing.assert_allclose(one.over(one.returned, robots), [400.0, 500.0])
-    said = table(study, rows(), found)
+    said = table(study, rows(), found).replace("\N{NO-BREAK SPACE}", " ")
     assert "| one | base acceleration | 1 | 2 | 450 (400 to 500) |" in said
     # Means over seeds are 600 and 300, and 850 and 450.
-    assert "| 0 of 2 | 0 of 2 |" in said and "| 2 of 2 | 2 of 2 |" in said
+    assert "| 0 of 2, p = 1 | 0 of 2, p = 1 |" in said
+    assert "| 2 of 2, p = 1 | 2 of 2, p = 1 |" in said  # 0.5 each, of four
     assert "| `go1` | 3 | 12 | (900, 50 %) | 800, 50 % |" in said
     assert scaling.drawn(found).count("<svg") == 3
 

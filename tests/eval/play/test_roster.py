@@ -47,7 +47,7 @@ def test_they_are_offered_where_they_fit():
 
 
 def test_a_policy_of_bodies_brings_robots_to_choose_from(tmp_path):
-    policy = constant_policy(WALK, 26, np.zeros(6), env_args=BODY)
+    policy = constant_policy(WALK, 26, np.zeros(14), env_args=BODY)
     policy.save(mine := tmp_path / "mine.safetensors")
     stage = stage_of(PlayConfig(policy=(mine,), robot="quadruped"))
     assert stage.robots[:2] == ("quadruped", "go1") and "biped" not in stage.robots

@@ -260,7 +260,7 @@ def test_every_setting_travels_by_link_and_acts_elsewhere():
 
 def test_another_robot_takes_over_at_its_own_scale():
     """Who acts by bodies acts on it; who sees joints is refused in words, and nothing changes."""
-    drawn = "zoo:quadruped:3"  # 24 joints
+    drawn = "zoo:quadruped:3"  # of 16 joints
     stage = Stage.of(WALK, {"action_layer": "base_acceleration", "observation": "body"}, {})
     sees = stage.task().body  # go1
     size = Session(stage).lanes[0].batch
@@ -272,7 +272,7 @@ def test_another_robot_takes_over_at_its_own_scale():
     )
     before, weight = session.settings, session.weight
     session.play([(0, Change("policy", "body")), (0, Change("robot", drawn))], 3)
-    assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 24
+    assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 16
     robot = session.lanes[0].batch.task.body
     ratio = own_units(robot).speed / own_units(sees).speed
     assert session.settings["ahead"] == pytest.approx(ratio * before["ahead"], rel=0.01)
