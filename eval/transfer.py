@@ -28,7 +28,7 @@ from train.environments import parse_env_args
 from train.episodes import Episodes
 from train.progress import progress
 from train.runs.environment import load_policy
-from train.runs.proportional import GAIN, PREFIX
+from train.runs.proportional import GAIN, LAW, PREFIX
 from train.runs.tables import to_csv
 
 ROBOT = ("robot", "mass", "joints", "feet")
@@ -99,7 +99,8 @@ def _players(
         its = load_policy(place_of(source))
         layer = {**its.env_args, **env_args}.get("action_layer", "")
         if config.who != "laws":
-            yield source.name.removesuffix(SUFFIX), player
+            law = f"{its.source}, {layer}" if its.algorithm == LAW else ""
+            yield law or source.name.removesuffix(SUFFIX), player
         if config.who == "policies" or layer in told:
             continue
         told.add(layer)
