@@ -102,7 +102,7 @@ def main(config: ScalingConfig, console: Console) -> int:
         raise RunError(f"{study.runs}: nothing has been played. Expected finished trainings.")
     found = played(study, rows)
     said = table(study, rows, found)
-    console.print(said, markup=False)
+    console.print(said, markup=False, soft_wrap=True)
     if config.write_docs:
         write(DOCS / f"{study.name}_unseen.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
         write(DOCS / f"{study.name}_unseen.svg", drawn(found))

@@ -51,8 +51,8 @@ def test_what_does_not_fit_is_said():
     with pytest.raises(PolicyFileError, match="sees 12 joints, and dog has 8.*observation='body'"):
         check(sees, small)
     moves = policy_of(action_layer="joint_position", observation="body")
-    with pytest.raises(PolicyFileError, match="moves 12 joints, and dog has 8.*moves the body"):
-        check(moves, small)
+    with pytest.raises(PolicyFileError, match="moves 12 joints, and .*0 has 16.*moves the body"):
+        check(moves, load("zoo:quadruped:0"))
     with pytest.raises(PolicyFileError, match="learnt with 'full'"):
         by_policy(load("go1"), sees)
 

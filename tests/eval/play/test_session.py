@@ -277,7 +277,7 @@ def test_another_robot_takes_over_at_its_own_scale():
     ratio = own_units(robot).speed / own_units(sees).speed
     assert session.settings["ahead"] == pytest.approx(ratio * before["ahead"], rel=0.01)
     share = session.settings["push_force"] / session.weight
-    assert share == pytest.approx(before["push_force"] / weight, rel=0.02)
+    assert share == pytest.approx(before["push_force"] / weight, rel=0.05)  # whole N
     session.play([(0, Change("robot", "go1")), (1, Change("policy", "joints"))], 2)
     assert "sees" in session.refused and session.settings["policy"] == "body"
     assert session.lanes[0].batch.robot.num_joints == 12
