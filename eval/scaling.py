@@ -104,10 +104,18 @@ def main(config: ScalingConfig, console: Console) -> int:
     said = table(study, rows, found)
     console.print(said, markup=False, soft_wrap=True)
     if config.write_docs:
-        write(DOCS / f"{study.name}_unseen.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
-        write(DOCS / f"{study.name}_unseen.svg", drawn(found))
-        splice(page, said, "robots")
+        name = f"{study.name}_unseen"
+        write(DOCS / f"{name}.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
+        write(DOCS / f"{name}.svg", drawn(found))
+        shown = f"![Robots learnt with against return and falls on unseen ones]({name}.svg)"
+        splice(page, f"{shown}\n\n{_LEGEND}\n\n{said}\n\n[All rows]({name}.csv).", "robots")
     return 1 if failed else 0
+
+
+_LEGEND = (
+    "Bands: least to greatest seed. Dashed: the zero action of the layer; lines without dots: its "
+    "proportional law."
+)
 
 
 def _folder(study: Study) -> Path:
