@@ -181,7 +181,7 @@ def findings(rows: list[dict[str, Any]]) -> list[str]:
     for one in earned:
         for other in earned:
             both = earned[one].keys() & earned[other].keys()
-            if other.startswith((ZERO, PREFIX)) and one != other and both:
+            if other.startswith((ZERO, PREFIX)) and not one.startswith((other, ZERO)) and both:
                 more = sum(earned[one][robot] > earned[other][robot] for robot in both)
                 found.append(f"{one} earns more than {other} on {more} of {len(both)} robots.")
     return found
