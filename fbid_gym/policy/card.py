@@ -82,7 +82,9 @@ class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Say in a few sentences what it learnt with and how it did on robots that it never saw."""
         told, those = list[str](), self.unseen
         if self.robots:
-            told.append(f"Learnt with {len(self.robots)} robots: {', '.join(self.robots)}.")
+            played = self.environment.get("robot", "the robot of the environment")
+            names = ", ".join(self.robots)
+            told.append(f"Learnt with {len(self.robots)} robots: {names}; measured on {played}.")
         if not those:
             return told
         up, zero = (sum(shares) / len(those) for shares in

@@ -52,6 +52,8 @@ def test_a_policy_of_several_robots_acts_on_others(tmp_path, capsys):
     asked = ShipConfig(run, "QuadrupedWalk-v0/any", 20, unseen=("quadruped",), unseen_episodes=2)
     card = ship(replace(asked, out=tmp_path / "policies")).card
     assert card.robots == ROBOTS and f"--robots {' '.join(ROBOTS)}" in card.command
+    assert "2 robots: go1, zoo:quadruped:0; measured on go1." in card.transfer()[0]
+    assert "never saw, 2 episodes each" in card.transfer()[1]
     (there,) = card.unseen
     assert (there.robot, there.joints) == ("quadruped", load("quadruped").num_joints)
     with pytest.raises(InvalidValueError, match="did not learn with"):
