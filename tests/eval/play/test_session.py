@@ -278,9 +278,11 @@ def test_another_robot_takes_over_at_its_own_scale():
     assert session.settings["ahead"] == pytest.approx(ratio * before["ahead"], rel=0.01)
     share = session.settings["push_force"] / session.weight
     assert share == pytest.approx(before["push_force"] / weight, rel=0.05)  # whole N
-    session.play([(0, Change("robot", "go1")), (1, Change("policy", "joints"))], 2)
-    assert "sees" in session.refused and session.settings["policy"] == "body"
-    assert session.lanes[0].batch.robot.num_joints == 12
+    session.play([(0, Change("policy", "joints"))], 1)
+    assert "sees 12 joints" in session.refused and session.settings["policy"] == "body"
+    session.play([(0, Change("robot", "go1"))], 1)
+    assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 12
+    assert session.settings["ahead"] == pytest.approx(before["ahead"], rel=0.01)
     with pytest.raises(FbidError, match="robot"):
         session.submit(Change("robot", "zoo:quadruped:4"))
 
