@@ -25,6 +25,7 @@ from eval.files import check_output, to_json, write
 from eval.video import Clip, record
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.envs.fitting import check_fits
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy, place_of
@@ -34,7 +35,7 @@ from train.environments import make_env, make_envs, parse_env_args, register, st
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
 from train.runs.environment import changed_meaning, load_policy
-from train.runs.proportional import gain_of, proportional
+from train.runs.proportional import LAW, gain_of, proportional
 from train.runs.reading import Run
 from train.runs.robots import another, chosen, named, of_policy
 from train.runs.tables import to_csv
@@ -86,7 +87,10 @@ class Player:
         (observation_size,), (action_size,) = (space.shape for space in boxes)
         if self.policy is None:
             return lambda observation: np.zeros((len(observation), action_size), dtype=np.float32)
-        self.policy.check(observation_size=observation_size, action_size=action_size)
+        if self.robot is None:
+            self.policy.check(observation_size=observation_size, action_size=action_size)
+        else:
+            check_fits(self.policy, self.robot, observation_size, action_size)
         return self.policy
 
 
@@ -144,7 +148,20 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
     policy = load_policy(source)
     robot = of_policy(source, policy.env_args, robot)
     name = source.name.removesuffix(SUFFIX)
-    return Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
+    player = Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
+    if policy.algorithm != LAW or (robot is None and not env_args):
+        return player
+    return lawful(player, gain_of(policy.source))
+
+
+def lawful(player: Player, gain: float) -> Player:
+    """Return the player of the proportional law where another plays, for its robot.
+
+    Raises:
+        FbidError: as `train.runs.proportional.matrix_of`.
+    """
+    law = proportional(player.env_id, player.make_args, gain)
+    return replace(player, name=law.source, policy=replace(law, env_args=player.env_args))
 
 
 @dataclass(frozen=True)
@@ -218,8 +235,7 @@ def player_of(config: RolloutConfig) -> Player:
     player = Player("zero action", config.env, env_args, None, robot)
     if gain is None:
         return player
-    policy = proportional(player.env_id, player.make_args, gain)
-    return replace(player, name=policy.source, policy=replace(policy, env_args=env_args))
+    return lawful(player, gain)
 
 
 def _warnings(config: RolloutConfig, player: Player) -> list[str]:

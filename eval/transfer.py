@@ -1,13 +1,14 @@
 r"""Play policies, unchanged, on robots that they may never have seen, beside the zero action.
 
-python -m eval.transfer runs/my_run --robots go1 zoo:quadruped:1000-1029 --out transfer.csv
+python -m eval.transfer runs/my_run --robots go1 zoo:quadruped:1000-1029 --gain 4 --out transfer.csv
 """
 
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import tyro
@@ -16,18 +17,26 @@ from rich.markup import escape
 from rich.table import Table
 
 from eval.files import check_output, write
-from eval.rollout import Player, load_player, play_player
+from eval.rollout import Player, lawful, load_player, play_player
+from fbid_gym.bundles import SUFFIX
 from fbid_gym.errors import FbidError, InvalidValueError
-from fbid_gym.options import Whole, check_fields
+from fbid_gym.options import Choice, Whole, check_fields
+from fbid_gym.policy import place_of
 from fbid_gym.robots import Robot, several
 from train.command import run_command
 from train.environments import parse_env_args
 from train.episodes import Episodes
 from train.progress import progress
+from train.runs.environment import load_policy
+from train.runs.proportional import GAIN, LAW, PREFIX
 from train.runs.tables import to_csv
 
 ROBOT = ("robot", "mass", "joints", "feet")
 COLUMNS = (*ROBOT, "policy", "episodes", "return", "up", "velocity_error")
+ZERO = "zero, "
+"""What the name of a zero action begins with, before its layer."""
+
+Who = Literal["all", "policies", "laws"]
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,11 @@ class TransferConfig:
     """Run folders, exported policies or `shipped:NAME`."""
     robots: tuple[str, ...]
     """Built-in robots, paths of files, "menagerie:NAME", or "zoo:quadruped:1000-1029"."""
+    who: Annotated[Who, Choice(get_args(Who))] = "all"
+    """Who plays: the policies, what learnt nothing in their environments, or all of them."""
+    gain: Annotated[float, GAIN] | None = None
+    """Let the proportional law of this gain play as well, through the policies' layers: 1/s, with
+    observation="body" sqrt(g / h)."""
     episodes: Annotated[int, Whole(1, 100_000)] = 8
     """On each robot."""
     seed: Annotated[int, Whole(0, 2**63)] = 50_000
@@ -56,12 +70,13 @@ def run(config: TransferConfig, console: Console) -> None:
     if not config.sources:
         raise InvalidValueError("sources", "()", "at least one policy")
     robots, env_args = several(config.robots), parse_env_args(config.env_args)
+    for source in config.sources:
+        load_policy(place_of(source))  # a path that is none is said at once
     rows = list[dict[str, Any]]()
     with progress(console, "robots") as tell:
         for number, robot in enumerate(robots):
-            for player in _players(config, env_args, robot):
-                played = _played(player, config, console)
-                rows.append(_row(robot, player, played))
+            for name, make in _players(config, env_args, robot):
+                rows.append(_row(robot, name, _played(name, make, robot, config, console)))
             tell(number + 1, len(robots), robot.name)
     console.print(table(rows))
     for sentence in findings(rows):
@@ -71,28 +86,49 @@ def run(config: TransferConfig, console: Console) -> None:
         console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
-def _players(config: TransferConfig, env_args: dict[str, Any], robot: Robot) -> list[Player]:
-    """The policies on a robot, each followed by the zero action of its layer."""
-    found = list[Player]()
+def _players(
+    config: TransferConfig, env_args: dict[str, Any], robot: Robot
+) -> Iterator[tuple[str, Callable[[], Player]]]:
+    """Names of those who play on a robot, and what makes them: a policy, then what learnt nothing.
+
+    The latter once for each layer.
+    """
+    told = set[str]()
     for source in config.sources:
-        player = load_player(source, env_args, robot)
-        zero = replace(player, name=f"zero, {player.env_args['action_layer']}", policy=None)
-        found += [player, *([] if zero.name in [other.name for other in found] else [zero])]
-    return found
+        player = partial(load_player, source, env_args, robot)
+        its = load_policy(place_of(source))
+        layer = {**its.env_args, **env_args}.get("action_layer", "")
+        if config.who != "laws":
+            law = f"{its.source}, {layer}" if its.algorithm == LAW else ""
+            yield law or source.name.removesuffix(SUFFIX), player
+        if config.who == "policies" or layer in told:
+            continue
+        told.add(layer)
+        yield f"{ZERO}{layer}", lambda player=player: replace(player(), policy=None)
+        if config.gain is not None:
+            yield (
+                f"{PREFIX}{config.gain:g}, {layer}",
+                lambda player=player: lawful(player(), config.gain),
+            )
 
 
-def _played(player: Player, config: TransferConfig, console: Console) -> Episodes | None:
+def _played(
+    name: str,
+    make: Callable[[], Player],
+    robot: Robot,
+    config: TransferConfig,
+    console: Console,
+) -> Episodes | None:
     """The episodes of a player; None, with a sentence, where it cannot act on the robot."""
     try:
-        return play_player(player, config.episodes, config.seed)
+        return play_player(make(), config.episodes, config.seed)
     except FbidError as reason:
-        robot = "" if player.robot is None else f" on {player.robot.name}"
-        sentence = f"{player.name}{robot}: {reason}"
+        sentence = f"{name} on {robot.name}: {reason}"
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)
         return None
 
 
-def _row(robot: Robot, player: Player, played: Episodes | None) -> dict[str, Any]:
+def _row(robot: Robot, name: str, played: Episodes | None) -> dict[str, Any]:
     told: dict[str, Any] = {"return": "", "up": "", "velocity_error": "", "episodes": 0}
     if played is not None:
         told = {
@@ -102,17 +138,18 @@ def _row(robot: Robot, player: Player, played: Episodes | None) -> dict[str, Any
             "episodes": len(played),
         }
     own = {"robot": robot.name, "mass": f"{robot.mass:.4g}", "joints": robot.num_joints}
-    return {**own, "feet": robot.num_feet, "policy": player.name, **told}
+    return {**own, "feet": robot.num_feet, "policy": name, **told}
 
 
 def table(rows: list[dict[str, Any]]) -> Table:
     """Return and share of the episodes without a fall, a row for each robot."""
     result = Table(title="Return, and share of the episodes without a fall", title_justify="left")
-    for heading in ("robot", "kg", "joints"):
+    result.add_column("robot", no_wrap=True)
+    for heading in ("kg", "joints"):
         result.add_column(heading)
     policies = list(dict.fromkeys(row["policy"] for row in rows))
     for policy in policies:
-        result.add_column(escape(policy), justify="right")
+        result.add_column(escape(policy), justify="right", overflow="fold")
     by_robot = dict[str, dict[str, dict[str, Any]]]()
     for row in rows:
         by_robot.setdefault(row["robot"], {})[row["policy"]] = row
@@ -144,7 +181,7 @@ def findings(rows: list[dict[str, Any]]) -> list[str]:
     for one in earned:
         for other in earned:
             both = earned[one].keys() & earned[other].keys()
-            if other.startswith("zero, ") and one != other and both:
+            if other.startswith((ZERO, PREFIX)) and not one.startswith((other, ZERO)) and both:
                 more = sum(earned[one][robot] > earned[other][robot] for robot in both)
                 found.append(f"{one} earns more than {other} on {more} of {len(both)} robots.")
     return found

@@ -29,27 +29,35 @@ class Clip:
     """Time at which the robot fell or diverged, s. None if it reached the end of the clip."""
 
     def mp4(self, quality: int = 27) -> bytes:
-        """Encode as H.264, which every browser plays.
+        """Encode as H.264, see `encoded`."""
+        return encoded(self.frames, self.fps, quality)
 
-        Args:
-            quality: x264's constant rate factor: lower is better and larger.
-        """
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "clip.mp4"
-            writer = imageio_ffmpeg.write_frames(
-                str(path),
-                (WIDTH, HEIGHT),
-                fps=self.fps,
-                codec="libx264",
-                quality=None,
-                macro_block_size=2,
-                output_params=["-crf", str(quality), "-preset", "slow", "-movflags", "+faststart"],
-            )
-            writer.send(None)
-            for frame in self.frames:
-                writer.send(np.ascontiguousarray(frame))
-            writer.close()
-            return path.read_bytes()
+
+def encoded(frames: list[np.ndarray], fps: float, quality: int = 27) -> bytes:
+    """Encode as H.264, which every browser plays.
+
+    Args:
+        frames: (height, width, 3) uint8 each, of even sizes.
+        fps: per second.
+        quality: x264's constant rate factor: lower is better and larger.
+    """
+    height, width, _ = frames[0].shape
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "clip.mp4"
+        writer = imageio_ffmpeg.write_frames(
+            str(path),
+            (width, height),
+            fps=fps,
+            codec="libx264",
+            quality=None,
+            macro_block_size=2,
+            output_params=["-crf", str(quality), "-preset", "slow", "-movflags", "+faststart"],
+        )
+        writer.send(None)
+        for frame in frames:
+            writer.send(np.ascontiguousarray(frame))
+        writer.close()
+        return path.read_bytes()
 
 
 def record(

@@ -28,8 +28,14 @@ LEG = """
 ROLL = '<joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>'
 
 
-def dog(scale: float = 1.0, feet: Sequence[str] = tuple(CORNERS), *, rolls: bool = True) -> Robot:
-    """Legs of 2 × 0.2 m times a scale, with whose cube masses grow."""
+def dog(
+    scale: float = 1.0,
+    feet: Sequence[str] = tuple(CORNERS),
+    *,
+    rolls: bool = True,
+    neck: int = 0,
+) -> Robot:
+    """Legs of 2 × 0.2 m times a scale, with whose cube masses grow; so many joints carry a head."""
     numbers = {
         "mass": 0.5 * scale**3,
         "inertia": 0.002 * scale**5,
@@ -44,6 +50,11 @@ def dog(scale: float = 1.0, feet: Sequence[str] = tuple(CORNERS), *, rolls: bool
         for joint in ("roll", "pitch", "knee")[0 if rolls else 1 :]:
             joint = f"{name}_{joint}"
             motors += f'<motor name="{joint}" joint="{joint}" ctrlrange="-30 30"/>'
+    for k in range(neck):
+        legs += f'<body pos="0.03 0 0"><joint name="neck{k}" axis="0 {k % 2} {1 - k % 2}"/>'
+        legs += '<inertial pos="0 0 0" mass="0.05" diaginertia="0.001 0.001 0.001"/>'
+        motors += f'<motor name="neck{k}" joint="neck{k}" ctrlrange="-30 30"/>'
+    legs += neck * "</body>"
     inertia = f"{0.05 * scale**5} {0.1 * scale**5} {0.1 * scale**5}"
     text = (
         f'<mujoco model="dog"><compiler angle="radian"/><worldbody><body name="trunk">'

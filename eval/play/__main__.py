@@ -17,7 +17,7 @@ from eval.play.controls import ALONE, controls
 from eval.play.serving import close_server, measured, open_server, show
 from eval.play.session import Session
 from eval.play.stage import NO_POLICY, OWNED, Stage, check_stage
-from eval.play.texts import from_query
+from eval.play.texts import from_words, words_of
 from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError
@@ -46,6 +46,9 @@ class PlayConfig:
     robot: str | None = None
     """Instead of the environment's or the policy's: a built-in robot, or your own: an MJCF, a URDF,
     a robot.toml or a robot.zip."""
+    robots: tuple[str, ...] = ()
+    """Other robots to choose from on the page, with as many feet: built-in ones, files, or drawn
+    ones, "zoo:quadruped:0-15". Default: those built in, and eight drawn ones."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     env_args: str = "{}"
@@ -87,13 +90,17 @@ def stage_of(config: PlayConfig) -> Stage:
         for entry in roster.of_package(env_id, own)
         if not stage.unlike(entry.policy)
     }
-    return replace(stage, policies={**policies, **fitting})
+    beside = roster.robots_beside(own, config.robots)
+    return replace(stage, policies={**policies, **fitting}).among(beside)
 
 
 def session_of(config: PlayConfig) -> Session:
     """Build the session."""
     stage = stage_of(config)
-    settings: dict[str, Any] = from_query(controls(stage), config.settings)
+    words = words_of(config.settings)
+    named = words.get("robot", stage.chosen)
+    known = named if named in stage.robots else stage.chosen
+    settings: dict[str, Any] = from_words(controls(stage.with_robot(known)), words)
     if config.action_layer is not None:
         settings["layer"] = config.action_layer
     if config.beside is not None:

@@ -121,6 +121,7 @@ def controls(stage: Stage) -> dict[str, Control]:
         "speed": Slider(TIME, "speed (x real time)", 0.05, 1.0, 1.0),
         "get_up": Switch(TIME, "restart after a fall", True),
         "seed": Slider(TIME, "seed", 0, 2**31 - 1, 0, whole=True, resets=True),
+        "robot": Menu(WHO, "robot", stage.robots, stage.robots[0], resets=True),
         "layer": Menu(WHO, "action layer", tuple(LAYERS), config.action_layer),
         "policy": Menu(WHO, "policy", (NO_POLICY, *stage.policies), stage.first),
         "contact_limits": Menu(WHO, "contact limits", CONTACT_LIMITS, stage.contact_limits),
@@ -185,6 +186,20 @@ def _commands(stage: Stage) -> dict[str, Control]:
 def _rounded(ends: Any) -> tuple[float, float]:
     """A range to the millimetre."""
     return round(float(ends[0]), 3), round(float(ends[1]), 3)
+
+
+def rescaled(
+    old: Mapping[str, Control], new: Mapping[str, Control], settings: Settings
+) -> Settings:
+    """Return settings for another robot, each number at its old share of what can be asked."""
+    found = dict(settings)
+    for name, control in new.items():
+        was = old[name]
+        if isinstance(control, Slider) and isinstance(was, Slider) and control != was:
+            sizes = [max(abs(each.least), abs(each.most)) for each in (control, was)]
+            share = settings[name] / sizes[1] if sizes[1] else 0.0
+            found[name] = float(np.clip(round(share * sizes[0], 3), control.least, control.most))
+    return found
 
 
 def defaults(offered: Mapping[str, Control]) -> Settings:

@@ -11,6 +11,7 @@ from eval.play.controls import ALONE, Settings
 from eval.play.policies import layer_of
 from eval.play.stage import NO_POLICY, Stage
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.fitting import check_fits
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.policy import Policy
 
@@ -149,5 +150,5 @@ def _actor(batch: EnvBatch, policy: Policy | None) -> Callable[[np.ndarray], np.
     size = len(batch.action_names)
     if policy is None:
         return lambda observation: np.zeros((len(observation), size))
-    policy.check(observation_size=batch.observation().shape[1], action_size=size)
+    check_fits(policy, batch.robot, batch.observation().shape[1], size)
     return lambda observation: np.asarray(policy(observation), float)

@@ -13,7 +13,7 @@ from websockets.http11 import Request, Response
 
 from eval.play.guard import MOST_BYTES, foreign
 from eval.play.session import ChangeAll, Session
-from eval.play.texts import from_query
+from eval.play.texts import from_words, words_of
 from fbid_gym.errors import FbidError
 
 _HEAD = (
@@ -40,7 +40,9 @@ def answers(session: Session) -> Answer:
         if path != "/" or not query or not _opened(request):
             return None
         try:
-            session.submit(ChangeAll(from_query(session.offered, query)))
+            words = words_of(query)
+            offered = session.offers(words.get("robot", session.stage.robots[0]))
+            session.submit(ChangeAll(from_words(offered, words)))
         except FbidError as error:
             return connection.respond(http.HTTPStatus.BAD_REQUEST, f"{error}\n")
         return None

@@ -31,6 +31,7 @@ class Panel:
         self._widgets: dict[str, Any] = {}
         # What the widgets were last told, by a viewer or from here.
         self._known: dict[str, Any] = dict(session.settings)
+        self._offered = session.offered
         self._linked_version = -1
         self._status = server.gui.add_markdown("")
         for group in GROUPS:
@@ -76,8 +77,7 @@ class Panel:
             ends = int(control.least), int(control.most)
             widget = gui.add_number(label, int(value), min=ends[0], max=ends[1], step=1)
         elif isinstance(control, Slider):
-            least, most = control.least, control.most
-            step = next(each for span, each in _STEPS.items() if most - least >= span)
+            least, most, step = _range(control)
             widget = gui.add_slider(label, min=least, max=most, step=step, initial_value=value)
         else:
             widget = gui.add_checkbox(label, initial_value=value)
@@ -116,6 +116,12 @@ class Panel:
             self._status.content = status
         if session.waiting:  # a slider that moves is not to be put back to where it came from
             return
+        if self._offered is not session.offered:  # of another robot
+            self._offered = session.offered
+            for name, control in self._offered.items():
+                if isinstance(control, Slider) and not control.whole:
+                    widget = self._widgets[name]
+                    widget.min, widget.max, widget.step = _range(control)
         for name, value in session.settings.items():
             if self._known[name] != value:
                 self._known[name] = self._widgets[name].value = value
@@ -124,6 +130,13 @@ class Panel:
             query = to_query(session.offered, session.settings)
             # Without a host: it is that of the viewer's own address, through whatever tunnel.
             self._link.content = f"[Link to these settings](?{query})"
+
+
+def _range(control: Slider) -> tuple[float, float, float]:
+    """Least, most and step of a slider."""
+    span = control.most - control.least
+    step = next(each for wide, each in _STEPS.items() if span >= wide)
+    return control.least, control.most, step
 
 
 def heading(robot: Robot, qpos: np.ndarray) -> np.ndarray:

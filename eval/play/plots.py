@@ -7,6 +7,8 @@ import viser
 from viser import uplot
 
 from eval.play.lane import Lane
+from fbid_gym.runtime.config import BODY
+from fbid_gym.tasks.body_view import own_units
 
 _SECONDS, _HZ = 8.0, 25.0
 _COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#7f7f7f")
@@ -92,9 +94,11 @@ def _velocity(lane: Lane, walks: bool) -> np.ndarray:
 
 
 def _command(lane: Lane) -> np.ndarray:
-    names = list(lane.batch.observation_names)
-    first = names.index("commanded velocity ahead (m/s)")
-    return lane.batch.observation()[0, first : first + 2].astype(float)
+    names = lane.batch.observation_names
+    first = next(k for k, name in enumerate(names) if name.startswith("commanded velocity ahead"))
+    own = lane.batch.config.observation == BODY
+    size = own_units(lane.batch.task.body).speed if own else 1.0
+    return size * lane.batch.observation()[0, first : first + 2].astype(float)
 
 
 def _figures(lane: Lane) -> np.ndarray:

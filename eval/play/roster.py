@@ -1,4 +1,4 @@
-"""Which policies can be chosen on the page: those of the command line, and shipped ones."""
+"""Which policies and robots can be chosen on the page: those of the command line, and ours."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,13 +8,18 @@ from eval.play.controls import ALONE
 from eval.play.stage import NO_POLICY
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.fitting import sees_the_body
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, place_of, shipped
 from fbid_gym.policy.policy_file import PREFIX
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import ROBOTS, ZOO, Robot, load, several
+from fbid_gym.robots.several import each_name
+from fbid_gym.robots.zoo import FAMILIES, HELD_OUT
 from fbid_gym.runtime.config import EnvConfig
 from train.runs.environment import load_policy
 from train.runs.robots import of_policy
+
+_DRAWN = f"{HELD_OUT}-{HELD_OUT + 7}"  # seeds of those on the menu
 
 
 class Entry(NamedTuple):
@@ -61,12 +66,36 @@ def named(sources: Sequence[Path]) -> list[Entry]:
 
 
 def of_package(env_id: str, robot: Robot) -> Iterator[Entry]:
-    """Yield the policies that are shipped for an environment and a robot."""
+    """Yield the policies that are shipped for an environment and a robot, or for any body."""
     for each in shipped():
         if each.policy.env_id == env_id:
             entry = Entry(PREFIX + each.name, load_policy(each.path), each.path)
-            if entry.robot().digest == robot.digest:
+            its = entry.robot()
+            alike = sees_the_body(entry.policy) and its.num_feet == robot.num_feet
+            if alike or its.digest == robot.digest:
                 yield entry
+
+
+def robots_beside(robot: Robot, named: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the names of robots that can be chosen: the one that is there, then others.
+
+    Args:
+        robot: with which a session begins.
+        named: by the command line; without any, built-in and drawn ones with as many feet.
+
+    Raises:
+        FbidError: a name that is none, or of a robot with more or fewer feet.
+    """
+    feet, found = robot.num_feet, list(each_name(named))
+    for name, other in zip(found, several(found) if found else (), strict=True):
+        if other.num_feet != feet:
+            expected = f"robots with {feet} feet, as {robot.name} has; it has {other.num_feet}"
+            raise InvalidValueError("--robots", name, expected)
+    if not named:
+        found = [name for name in ROBOTS if load(name).num_feet == feet]
+        family = [name for name, legs in FAMILIES.items() if name and legs == feet]
+        found += each_name([f"{ZOO}{name}:{_DRAWN}" for name in family])
+    return tuple(dict.fromkeys([robot.name, *found]))
 
 
 def robot_of(entries: Sequence[Entry]) -> Robot | None:

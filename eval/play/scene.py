@@ -9,7 +9,8 @@ import viser
 
 from eval.play.lane import Lane
 from eval.play.shapes import Shape, shapes
-from eval.play.view import show_from
+from eval.play.view import aim, show_from
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
 
 _BELIEVED = np.array([120, 40, 200])  # of the base where the robot takes it to be
@@ -160,24 +161,15 @@ class Scene:
     def __init__(self, server: viser.ViserServer, lanes: list[Lane], drag: Drag) -> None:
         """Send ground and robots, and place the camera of those who come."""
         self._server, self._drag = server, drag
-        stance = lanes[0].batch.task.body.stance
-        self.size = size_of(stance)
         self._world = server.scene.add_frame("/world", show_axes=False)
         server.scene.set_up_direction("+z")
-        cell = 0.25 if self.size < 1.0 else 0.5
-        self._section = 4.0 * cell
-        self._grid = server.scene.add_grid(
-            "/world/ground",
-            _GRID,
-            _GRID,
-            cell_size=cell,
-            section_size=self._section,
-            plane_color=(232, 236, 240),
-            plane_opacity=1.0,
-            shadow_opacity=0.3,
-            fade_distance=12.0 * self.size,
-        )
-        show_from(server, self.size, float(stance.home_base[2]))
+        self._measured: Stance | None = None
+
+        @server.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            if client.camera.aspect < 1.0:  # the camera of those who come is for a wide picture
+                aim(client, self.size, self._height)
+
         self.bodies: list[Body] = []
         self._shown: list[list[Any]] = []
         self.cast(lanes)
@@ -185,9 +177,11 @@ class Scene:
     def cast(self, lanes: list[Lane]) -> bool:
         """Show these robots instead of those before; whether they are others."""
         worlds = [lane.batch.config.as_dict() for lane in lanes]
-        shown = [[world[name] for name in ("terrain", "difficulty", "sensors")] for world in worlds]
+        names = ("robot", "terrain", "difficulty", "sensors")
+        shown = [[world[name] for name in names] for world in worlds]
         if shown == self._shown:
             return False
+        self._measure(lanes[0].batch.task.body.stance)
         for body in self.bodies:
             body.remove()
         level = lanes[0].batch.config.terrain == "flat"
@@ -198,6 +192,27 @@ class Scene:
         ]
         self._shown = shown
         return True
+
+    def _measure(self, stance: Stance) -> None:
+        """Fit the ground and the first view to a robot, unless it is the one that they fit."""
+        if stance is self._measured:
+            return
+        self._measured, self.size = stance, size_of(stance)
+        cell = 0.25 if self.size < 1.0 else 0.5
+        self._section = 4.0 * cell
+        self._grid = self._server.scene.add_grid(
+            "/world/ground",
+            _GRID,
+            _GRID,
+            cell_size=cell,
+            section_size=self._section,
+            plane_color=(232, 236, 240),
+            plane_opacity=1.0,
+            shadow_opacity=0.3,
+            fade_distance=12.0 * self.size,
+        )
+        self._height = float(stance.home_base[2])
+        show_from(self._server, self.size, self._height)
 
     def look(self, lanes: list[Lane]) -> None:
         """Take the poses after a policy step."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eval.play.controls import ASIDE, MOST_PUSH, Settings, checked, controls
+from eval.play.controls import ASIDE, MOST_PUSH, Control, Settings, checked, controls, rescaled
 from eval.play.lane import Lane, players
 from eval.play.policies import brought, resolved
 from eval.play.stage import MOST_PUSH_SECONDS, Stage
@@ -58,8 +58,8 @@ class Session:
     """Robots side by side under the same commands and pushes.
 
     Attributes:
-        stage: what stays.
-        offered: what can be set.
+        stage: what stays, but for the robot where another is chosen.
+        offered: what can be set, for that robot.
         settings: as they apply now.
         lanes: the robots.
         steps: policy steps since the session began.
@@ -73,10 +73,13 @@ class Session:
         Raises:
             FbidError: a setting that may not be, or a policy that does not fit.
         """
+        given = settings or {}
         self.stage, self.offered = stage, controls(stage)
-        self.settings: Settings = resolved(stage, self.offered, settings or {})
+        name = checked(self.offered, "robot", given.get("robot", stage.robots[0]))
+        self.stage, self.offered = self.stage.with_robot(name), self.offers(name)
+        self.settings: Settings = resolved(self.stage, self.offered, given)
         self.lanes = [
-            Lane(stage, player, self.settings) for player in players(stage, self.settings)
+            Lane(self.stage, player, self.settings) for player in players(stage, self.settings)
         ]
         self.steps, self.version, self.refused = 0, 0, ""
         self._queue: deque[Request] = deque()
@@ -98,6 +101,16 @@ class Session:
         """Whether requests wait for the next step."""
         return bool(self._queue)
 
+    def offers(self, robot: str) -> dict[str, Control]:
+        """Return what can be set with a robot; with one of no such name, what can be now.
+
+        Raises:
+            FbidError: it cannot be loaded.
+        """
+        if robot == self.stage.chosen or robot not in self.stage.robots:
+            return self.offered
+        return controls(self.stage.with_robot(robot))
+
     def submit(self, request: Request) -> None:
         """Check a request and queue it; may be called from any thread.
 
@@ -107,7 +120,8 @@ class Session:
         if isinstance(request, Change):
             request = Change(request.name, checked(self.offered, request.name, request.value))
         elif isinstance(request, ChangeAll):
-            request = ChangeAll(resolved(self.stage, self.offered, request.settings))
+            robot = request.settings.get("robot", self.stage.robots[0])
+            request = ChangeAll(resolved(self.stage, self.offers(robot), request.settings))
         elif isinstance(request, Push):
             request = self._checked_push(request)
         elif not isinstance(request, Reset | OneStep):
@@ -174,8 +188,14 @@ class Session:
         else:
             name, value = request
             more = brought(self.stage, self.settings, name, value)
-            self._set(self.settings | {name: value} | more)
+            self._set(self._for_robot(name, value) | {name: value} | more)
         self.version += 1
+
+    def _for_robot(self, name: str, value: Any) -> Settings:
+        """Return the settings as they are, for another robot where that is what is set."""
+        if name != "robot":
+            return self.settings
+        return rescaled(self.offered, self.offers(value), self.settings)
 
     def _set(self, wanted: Settings) -> None:
         """Set controls; those that cannot be brought about leave everything as it was."""
@@ -184,10 +204,14 @@ class Session:
             return
         anew = any(control.resets for control in changed)
         try:
-            lanes = self._recast(wanted, anew)
+            stage, offered = self.stage.with_robot(wanted["robot"]), self.offers(wanted["robot"])
+            for name, value in wanted.items():
+                checked(offered, name, value)  # it may have been asked of another robot
+            lanes = self._recast(stage, wanted, anew)
         except FbidError as error:
             self.refused = str(error)
             return
+        self.stage, self.offered = stage, offered
         self.settings, self.lanes, self.refused = wanted, lanes, ""
         if anew:
             self._restart()
@@ -195,16 +219,16 @@ class Session:
             for lane in self.lanes:
                 lane.apply(wanted)
 
-    def _recast(self, wanted: Settings, anew: bool) -> list[Lane]:
+    def _recast(self, stage: Stage, wanted: Settings, anew: bool) -> list[Lane]:
         """Return the robots for new settings: those that stand, or others in their state."""
         rebuilt = anew or wanted["contact_limits"] != self.settings["contact_limits"]
         lanes = []
-        for place, player in enumerate(players(self.stage, wanted)):
+        for place, player in enumerate(players(stage, wanted)):
             now = self.lanes[min(place, len(self.lanes) - 1)]
             if not rebuilt and place < len(self.lanes) and player == now.player:
                 lanes.append(now)
                 continue
-            lane = Lane(self.stage, player, wanted)
+            lane = Lane(stage, player, wanted)
             if not anew:
                 lane.take_over(now)
             lanes.append(lane)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.estimation.sensors import LIKE, PERFECT, PRESETS
 from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot, several
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Task
 from train.runs.differences import differences, in_words
@@ -74,12 +75,18 @@ class Stage:
             it begins. What they do not name is as the first policy learnt with.
         policies: those that can be chosen, by name.
         first: name of the one that acts first, or `NO_POLICY`.
+        robots: names of those that can be chosen; the first is there as a session begins.
+        chosen: name of the one that is there.
+        begun: the first, once there is another.
     """
 
     env_id: str
     arguments: Mapping[str, Any]
     policies: Mapping[str, Policy]
     first: str
+    robots: tuple[str, ...] = ()
+    chosen: str = ""
+    begun: Robot | None = None
 
     @classmethod
     def of(
@@ -95,7 +102,31 @@ class Stage:
             FbidError: no such environment, or arguments or a policy that do not fit it.
         """
         check_stage(env_id, policies)
-        return cls(env_id, dict(arguments), dict(policies), first)
+        stage = cls(env_id, dict(arguments), dict(policies), first)
+        return stage.among((stage.robot.name,))
+
+    def among(self, robots: tuple[str, ...]) -> "Stage":
+        """Return the stage with these robots to choose from, the first of which is there."""
+        return replace(self, robots=robots, chosen=robots[0])
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as it was loaded."""
+        given = self.own["robot"]
+        return given if isinstance(given, Robot) else several(given)[0]
+
+    def with_robot(self, name: str) -> "Stage":
+        """Return the stage with another of its robots.
+
+        Raises:
+            FbidError: it cannot be loaded.
+        """
+        if name == self.chosen:
+            return self
+        begun = self.begun or self.robot
+        robot = begun if name == self.robots[0] else several(name)[0]
+        arguments = {**self.arguments, "robot": robot}
+        return replace(self, arguments=arguments, chosen=name, begun=begun)
 
     @cached_property
     def own(self) -> dict[str, Any]:

@@ -33,6 +33,11 @@ def from_query(offered: Mapping[str, Control], query: str) -> Settings:
     Raises:
         FbidError: not such a query, or a value that may not be set.
     """
+    return from_words(offered, words_of(query))
+
+
+def words_of(query: str) -> dict[str, str]:
+    """Return the words of a query by the names that they are for; raises as `from_query`."""
     expected = "a link as the page shows it, with each setting once"
     if len(query) > _LONGEST:
         raise InvalidValueError("link", query[:40], expected)
@@ -44,7 +49,12 @@ def from_query(offered: Mapping[str, Control], query: str) -> Settings:
         raise InvalidValueError("link", query[:80], expected) from None
     if len(dict(pairs)) < len(pairs):
         raise InvalidValueError("link", query[:80], expected)
-    return {name: checked(offered, name, _value(offered, name, word)) for name, word in pairs}
+    return dict(pairs)
+
+
+def from_words(offered: Mapping[str, Control], words: Mapping[str, str]) -> Settings:
+    """Return the settings that words stand for; raises as `from_query`."""
+    return {n: checked(offered, n, _value(offered, n, word)) for n, word in words.items()}
 
 
 def _value(offered: Mapping[str, Control], name: str, word: str) -> Any:

@@ -40,13 +40,15 @@ def view(size: float, height: float, aspect: float, fov: float) -> View:
 
 
 def show_from(server: viser.ViserServer, size: float, height: float) -> None:
-    """Let those who come see the robots whole."""
+    """Let those who come, and those who are there, see the robots whole."""
     first = server.initial_camera
     first.position, first.look_at = view(size, height, 1.0, first.fov)
+    for client in server.get_clients().values():
+        aim(client, size, height)
 
-    @server.on_client_connect
-    def _(client: viser.ClientHandle) -> None:
-        if client.camera.aspect < 1.0:
-            camera = client.camera
-            with client.atomic():
-                camera.position, camera.look_at = view(size, height, camera.aspect, camera.fov)
+
+def aim(client: viser.ClientHandle, size: float, height: float) -> None:
+    """Let one see the robots whole."""
+    camera = client.camera
+    with client.atomic():
+        camera.position, camera.look_at = view(size, height, camera.aspect, camera.fov)

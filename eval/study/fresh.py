@@ -87,7 +87,8 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
     for k, cell in enumerate(waiting):
         folder = cell.config.folder
         tell(k, len(waiting), folder.name)
-        player = Player.of(load(folder))
+        own = {"robots": list(cell.config.robots)} if cell.config.robots else {}
+        player = Player.of(load(folder), **own)  # on the robots that it learnt with
         envs = make_envs(player.env_id, player.make_args, episodes)
         try:
             actor = player.actor(envs.single_observation_space, envs.single_action_space)

@@ -63,6 +63,7 @@ def _training(each: Shipped) -> str:
         f"`{_commit(card.trained_with)}`, measured on {card.episodes} episodes from seed "
         f"{card.first_seed} at `{_commit(card.measured_with)}`."
     )
+    told = " ".join([told, *card.transfer()])
     return f"{told} **{card.note}**" if card.note else told
 
 

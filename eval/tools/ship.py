@@ -1,6 +1,8 @@
-"""Ship the policy of a finished run: into `assets/policies`, with a card of what it does.
+r"""Ship the policy of a finished run: into `assets/policies`, with a card of what it does.
 
 python -m eval.tools.ship runs/my_run --as QuadrupedWalk-v0/base_acceleration
+python -m eval.tools.ship runs/bodies --as QuadrupedWalk-v1/any-quadruped \
+    --unseen zoo:quadruped:1000-1029 go1
 """
 
 import re
@@ -22,8 +24,9 @@ from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
-from fbid_gym.policy import Card, Measured, Policy, Shipped
+from fbid_gym.policy import Card, Measured, OnRobot, Policy, Shipped
 from fbid_gym.policy.policy_file import PREFIX
+from fbid_gym.robots import several
 from train.command import run_command
 from train.episodes import METRICS, Episodes
 from train.runs.archive import found
@@ -31,6 +34,7 @@ from train.runs.command_line import command_again
 from train.runs.environment import changed_meaning
 from train.runs.folder import RunFolder
 from train.runs.reading import Run, load
+from train.runs.robots import learnt_with
 from train.runs.study import environment_name
 from train.runs.versions import versions
 
@@ -60,6 +64,10 @@ class ShipConfig:
     """Of the first of them; none that training evaluates on."""
     confidence: Annotated[float, Number(0.5, 0.9999)] = 0.95
     """Of the intervals."""
+    unseen: tuple[str, ...] = ()
+    """Robots that it never saw: "zoo:quadruped:1000-1029". The card says how it does on each."""
+    unseen_episodes: Annotated[int, Whole(1, 10_000)] = 16
+    """On each of them."""
     out: Path = POLICIES
     """Folder of the shipped policies."""
 
@@ -88,6 +96,8 @@ def ship(config: ShipConfig) -> Shipped:
     assert run.config is not None and run.curve is not None  # or there would be no best one
     check_unseen(config.seed, config.episodes, run.config, run.path)
     player = Player(config.name, policy.env_id, dict(policy.env_args), policy)
+    robots = learnt_with(run.path)
+    unseen = _unseen(config, player, robots)
     episodes = play_player(player, config.episodes, config.seed, config.episodes)
     card = Card(
         environment=resolved_arguments(policy.env_id, policy.env_args) or {},
@@ -103,10 +113,28 @@ def ship(config: ShipConfig) -> Shipped:
         first_seed=config.seed,
         confidence=config.confidence,
         metrics=measured(episodes, config.confidence),
+        robots=robots,
+        unseen=unseen,
+        unseen_episodes=config.unseen_episodes if unseen else 0,
     )
     file, policy = config.out / f"{config.name}{SUFFIX}", replace(policy, card=card)
     policy.save(file)
     return Shipped(config.name, file, policy, card)
+
+
+def _unseen(config: ShipConfig, player: Player, seen: tuple[str, ...]) -> tuple[OnRobot, ...]:
+    """Play a policy and the zero action on robots that it never saw, from the same seeds."""
+    robots, found = several(config.unseen) if config.unseen else (), list[OnRobot]()
+    for robot in robots:
+        if robot.name in seen:
+            raise InvalidValueError("unseen", robot.name, "robots that it did not learn with")
+    for robot in robots:
+        there = replace(player, robot=robot)
+        both = [play_player(each, config.unseen_episodes, config.seed)
+                for each in (there, replace(there, policy=None))]  # fmt: skip
+        means = [float(np.mean(x)) for each in both for x in (each.returned, each.survived)]
+        found.append(OnRobot(robot.name, robot.mass, robot.num_joints, *means))
+    return tuple(found)
 
 
 def _best(run: Run) -> tuple[Policy, int]:

@@ -1,15 +1,18 @@
-"""What a robot does without a policy, in a few sentences: in which layers it stands and walks."""
+"""What a robot does, in a few sentences: in which layers it stands and walks, and by a policy."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.errors import FbidError
+from fbid_gym.envs.fitting import check_fits, sees_the_body
+from fbid_gym.envs.registered import registered
+from fbid_gym.errors import FbidError, PolicyFileError
+from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot
-from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
 
 _LAYERS = ("joint_position", "base_acceleration", "com_wrench")
 _RATES = (500, 1000)  # Hz that are tried where a robot falls at an environment's own
@@ -40,6 +43,37 @@ def verdict(robot: Robot) -> Iterator[str]:
         yield from advice
 
 
+def by_policy(robot: Robot, policy: Policy) -> str:
+    """Say how a robot does by a policy of bodies, beside the zero action of its layer.
+
+    As `verdict` says it of layers, in the policy's own environment.
+
+    Raises:
+        FbidError: a policy that sees joints or acts on other feet, or a robot that cannot walk.
+    """
+    if not sees_the_body(policy):
+        seen = policy.env_args.get("observation", "full")
+        expected = f"a policy that learnt with observation={BODY!r}"
+        raise PolicyFileError(f"{policy.source}: it learnt with {seen!r}. Expected {expected}.")
+    given = {**registered(policy.env_id).kwargs, **policy.env_args}
+    arguments = {name: value for name, value in given.items() if name not in AROUND}
+    told = [
+        f"{name} {trial.up:.0%}, with {trial.earned:.0%} of the reward that there is"
+        for name, trial in (
+            ("the policy", _tried(robot, arguments, policy)),
+            (f"the zero action of {arguments['action_layer']}", _tried(robot, arguments)),
+        )
+    ]
+    return f"Up to the end in {policy.env_id.rpartition('/')[2]}: {'; '.join(told)}."
+
+
+class _Trial(NamedTuple):
+    """Shares of robots that are up at the end, and of the greatest reward."""
+
+    up: float
+    earned: float
+
+
 def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
     """Return the share of robots that are up at the end, by the zero action.
 
@@ -47,17 +81,27 @@ def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
         robot: the robot.
         arguments: of the environment, beside robot, time and pushes.
     """
+    return _tried(robot, arguments).up
+
+
+def _tried(robot: Robot, arguments: Mapping[str, Any], policy: Policy | None = None) -> _Trial:
     own = {"robot": robot, "episode_seconds": _SECONDS, "push_force": (0.0, 0.0)}
     batch = EnvBatch(EnvConfig.of({**arguments, **own}), _ROBOTS)
     for number in range(_ROBOTS):
         batch.seed(number, np.random.default_rng(number))
     batch.reset(np.arange(_ROBOTS))
-    up, zero = np.ones(_ROBOTS, bool), np.zeros((_ROBOTS, len(batch.action_names)))
+    size = len(batch.action_names)
+    if policy is not None:
+        check_fits(policy, robot, batch.observation().shape[1], size)
+    up, earned = np.ones(_ROBOTS, bool), 0.0
     for _ in range(batch.num_steps):
-        up &= ~batch.step(zero).terminated
+        zero = np.zeros((_ROBOTS, size))
+        step = batch.step(zero if policy is None else policy(batch.observation()))
+        up &= ~step.terminated
+        earned += float(step.reward[up].sum())
         if not up.any():
             break
-    return float(up.mean())
+    return _Trial(float(up.mean()), earned / batch.num_steps / _ROBOTS)
 
 
 def _faster(robot: Robot, arguments: Mapping[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@
 `python -m fbid_gym.policy` lists them.
 """
 
-from fbid_gym.policy.card import Card, Measured
+from fbid_gym.policy.card import Card, Measured, OnRobot
 from fbid_gym.policy.policy import ACTIVATIONS, OUTPUTS, Policy
 from fbid_gym.policy.policy_file import place_of
 from fbid_gym.policy.shipping import Shipped, shipped
@@ -20,6 +20,7 @@ __all__ = [
     "OUTPUTS",
     "Card",
     "Measured",
+    "OnRobot",
     "Policy",
     "Shipped",
     "place_of",

@@ -20,6 +20,26 @@ class Measured(Struct, frozen=True, forbid_unknown_fields=True):
     """Such as "m/s"; "share" of shares."""
 
 
+class OnRobot(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a policy did on a robot that it never saw, beside the zero action of its layer."""
+
+    robot: str
+    """Its name."""
+    mass: float
+    """kg."""
+    joints: int
+    returned: float
+    """Mean over the episodes."""
+    survived: float
+    """Share of the episodes without a fall."""
+    zero_returned: float
+    zero_survived: float
+
+
+def _described(one: OnRobot) -> str:
+    return f"{one.robot} ({one.mass:.3g} kg, {one.joints} joints)"
+
+
 class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Training and measured performance of a shipped policy; its file holds it."""
 
@@ -49,8 +69,40 @@ class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Of the intervals."""
     metrics: Mapping[str, Measured]
     """By the names of `train.episodes.METRICS`."""
+    robots: tuple[str, ...] = ()
+    """Names of those that it learnt with, where these were several."""
+    unseen: tuple[OnRobot, ...] = ()
+    """Robots that it never saw."""
+    unseen_episodes: int = 0
+    """On each of them."""
     note: str = ""
     """Changes since it was measured."""
+
+    def transfer(self) -> list[str]:
+        """Say in a few sentences what it learnt with and how it did on robots that it never saw."""
+        told, those = list[str](), self.unseen
+        if self.robots:
+            played = self.environment.get("robot", "the robot of the environment")
+            names = ", ".join(self.robots)
+            told.append(f"Learnt with {len(self.robots)} robots: {names}; measured on {played}.")
+        if not those:
+            return told
+        up, zero = (sum(shares) / len(those) for shares in
+                    ([x.survived for x in those], [x.zero_survived for x in those]))  # fmt: skip
+        more = sum(x.returned > x.zero_returned for x in those)
+        told.append(
+            f"On {len(those)} robots that it never saw, {self.unseen_episodes} episodes each: "
+            f"{up:.1%} without a fall (zero action {zero:.1%}), a greater return than the zero "
+            f"action's on {more}."
+        )
+        for words, bad in (
+            ("It falls in more than half of them on", [x for x in those if x.survived < 0.5]),
+            ("It earns less than the zero action on",
+             [x for x in those if x.returned < x.zero_returned]),
+        ):  # fmt: skip
+            if bad:
+                told.append(f"{words} {', '.join(_described(x) for x in bad)}.")
+        return told
 
     def expected(self, metric: str, episodes: int) -> tuple[float, float]:
         """Return where the mean of as many fresh episodes is expected, as surely as the card's is.

@@ -28,6 +28,8 @@ _OLDER = "policy.json"  # of formats 1 and 2, beside the arrays
 def place_of(source: str | Path) -> Path:
     """Return the file of a shipped policy by its name, else the path itself.
 
+    Where the arm of a name is that of one policy alone, it is enough: `shipped:any-quadruped`.
+
     Raises:
         UnknownOptionError: no policy of that name is shipped.
     """
@@ -35,9 +37,11 @@ def place_of(source: str | Path) -> Path:
     if not name.startswith(PREFIX):
         return Path(source)
     known = {PREFIX + each: file for each, file in shelved(shelf()).items()}
-    if name not in known:
+    arm = name.removeprefix(PREFIX)
+    alone = [full for full in known if full.partition("/")[2] == arm]
+    if name not in known and len(alone) != 1:
         raise UnknownOptionError("shipped policy", name, known or ("none",))
-    return known[name]
+    return known[name] if name in known else known[alone[0]]
 
 
 def shelf() -> Path:

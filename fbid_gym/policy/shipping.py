@@ -44,6 +44,7 @@ class Shipped(NamedTuple):
                 f"  {name:18} {x.mean:.4g} ({x.low:.4g} to {x.high:.4g}) {x.unit}".rstrip()
                 for name, x in card.metrics.items()
             ),
+            *(f"robots:      {sentence}" for sentence in card.transfer()),
             *([f"note:        {card.note}"] if card.note else []),
         ]
 

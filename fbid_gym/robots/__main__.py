@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.__main__ import called
-from fbid_gym.envs.verdict import verdict
+from fbid_gym.envs.verdict import by_policy, verdict
 from fbid_gym.exit_status import exit_status
-from fbid_gym.robots import ROBOTS, load
+from fbid_gym.policy import Policy
+from fbid_gym.robots import ROBOTS, ZOO, load
 from fbid_gym.robots.description import feet_in_words, in_json
 from fbid_gym.robots.portrait import portrait, write_png
 from fbid_gym.robots.robot import Robot
@@ -26,12 +27,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(given: argparse.Namespace) -> None:
+    policy = None if given.policy is None else Policy.load(given.policy)
     options = {
         name: _value(name, text)
         for name in ("home", "torque_limit", "armature", "base", "name")
         if (text := getattr(given, name)) is not None
     }
-    if given.robot in ROBOTS and not options and not given.feet:
+    if (given.robot in ROBOTS or given.robot.startswith(ZOO)) and not options and not given.feet:
         robot = load(given.robot)
     else:
         robot = Robot.load(given.robot, feet_in_words(given.feet), **options)
@@ -43,6 +45,8 @@ def _show(given: argparse.Namespace) -> None:
         print("\nWithout a policy, by the zero action of its layers:", flush=True)
         for sentence in verdict(robot):
             print(f"- {sentence}", flush=True)
+    if policy is not None:
+        print(f"\nBy {given.policy}, without pushes:\n- {by_policy(robot, policy)}", flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,7 +54,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=prog, description="Show what is understood of a robot.")
     parser.add_argument(
         "robot",
-        help="path of an MJCF, URDF or robot.toml, a name of robot_descriptions, or menagerie:NAME",
+        help="path of an MJCF, URDF or robot.toml, a name of robot_descriptions, menagerie:NAME, "
+        "or a drawn one such as zoo:quadruped:7",
     )
     parser.add_argument(
         "--feet",
@@ -64,6 +69,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--name", help="of the robot")
     parser.add_argument(
         "--no-verdict", dest="verdict", action="store_false", help="do not let it stand and walk"
+    )
+    parser.add_argument(
+        "--policy", help="run folder, file or shipped:NAME, with observation='body': let it act too"
     )
     parser.add_argument("--picture", help="where to draw it; by default, the robot's name .png")
     return parser

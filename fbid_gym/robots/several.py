@@ -27,6 +27,11 @@ def several(robots: Any) -> tuple[Robot, ...]:
     return tuple(robot for given in listed for robot in _meant(given))
 
 
+def each_name(robots: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of a list, one for each of the drawn robots that it stands for."""
+    return tuple(n for name in robots for n in (drawn(name) if name.startswith(ZOO) else (name,)))
+
+
 def _meant(given: Any) -> tuple[Robot, ...]:
     if isinstance(given, Robot):
         return (given,)

@@ -17,6 +17,11 @@ _UNIT = re.compile(r"\((m/s|rad/s|m)(,[^()]*)?\)$")
 _OWN = {"m": "h", "m/s": "sqrt(g h)", "rad/s": "sqrt(g / h)"}
 
 
+def own_units(body: Body) -> Units:
+    """Return the units of the view."""
+    return Units.of(body.robot, float(body.stance.home_com[2]))
+
+
 def body_view(groups: Groups, body: Body) -> Groups:
     """Return a table of an observation without joints, in the robot's own units.
 
@@ -27,8 +32,7 @@ def body_view(groups: Groups, body: Body) -> Groups:
         groups: of a task.
         body: of its robot.
     """
-    robot = body.robot
-    units = Units.of(robot, float(body.stance.home_com[2]))
+    robot, units = body.robot, own_units(body)
     found: dict[str, Group] = {}
     for name, group in groups.items():
         if _is_of_each(group, robot.joint_names):

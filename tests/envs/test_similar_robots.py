@@ -27,10 +27,12 @@ CASES = [
 STEPS = 4
 
 
-def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list[np.ndarray]:
+def rollout(
+    name: str, size: float, env: str, commands: str, layer: str, density: float = 1.0
+) -> list[np.ndarray]:
     """Postures, torques, rewards and the body's view of two robots, in units of those of size 1."""
     base, time = ENVIRONMENTS[f"fbid_gym/{env}-v0"], np.sqrt(size)
-    robot = similar(name, size)
+    robot = similar(name, size, density)
     rates = {"physics_hz": 1000, "control_hz": 500, "policy_hz": 50}
     own = {
         "robot": robot,
@@ -63,6 +65,15 @@ def test_size_is_unknown(name, env, commands, layer):
         other = rollout(name, size, env, commands, layer)
         for expected, value in zip(own, other, strict=True):
             np.testing.assert_allclose(value, expected, rtol=2e-4, atol=2e-4)
+
+
+def test_mass_length_and_time_are_unknown_to_the_last_digits():
+    """Four times as long is twice as slow, in numbers without rounding."""
+    case = ("QuadrupedWalk", "command_interval", "base_acceleration")
+    own = rollout("go1", 1.0, *case)
+    other = rollout("go1", 4.0, *case, density=2.0)
+    for expected, value in zip(own, other, strict=True):
+        np.testing.assert_allclose(value, expected, rtol=1e-6, atol=1e-6)
 
 
 def outcome_of(robot: Robot, qpos: np.ndarray) -> Outcome:

@@ -1,8 +1,8 @@
 """Dynamically similar robots: the same motions at another size, in proportionate time.
 
-Lengths are multiplied by s, masses by s^3, gravity stays. Then times go with sqrt(s), forces with
-s^3 and torques with s^4, and nothing that a robot does may tell its size. Neither may where in its
-body the base has its origin, nor how its axes lie in it.
+Lengths are multiplied by s, masses by s^3 and perhaps a density, gravity stays. Then times go with
+sqrt(s), forces with masses and torques with masses times s, and nothing that a robot does may tell
+its size. Neither may where in its body the base has its origin, nor how its axes lie in it.
 """
 
 import mujoco
@@ -12,31 +12,31 @@ from fbid_gym.robots import Robot
 from fbid_gym.robots.built_in import BUILT_IN, asset_path
 
 
-def similar(name: str, size: float) -> Robot:
-    """A built-in robot, `size` times as long."""
-    own = BUILT_IN[name]
+def similar(name: str, size: float, density: float = 1.0) -> Robot:
+    """A built-in robot, `size` times as long, and of so many times the density."""
+    own, heavy = BUILT_IN[name], density * size**3
     spec, time = mujoco.MjSpec.from_file(str(asset_path(own.asset))), np.sqrt(size)
     spec.option.timestep *= time
     for body in spec.bodies:
         _multiply(body, size, "pos", "ipos")
-        body.mass *= size**3
-        _multiply(body, size**5, "inertia", "fullinertia")
+        body.mass *= heavy
+        _multiply(body, heavy * size**2, "inertia", "fullinertia")
     for geom in spec.geoms:
         if geom.type != mujoco.mjtGeom.mjGEOM_PLANE:
             _multiply(geom, size, "pos", "size", "fromto")
-            geom.mass *= size**3
+            geom.mass *= heavy
         _soften(geom, size)
     for site in spec.sites:
         _multiply(site, size, "pos", "size", "fromto")
     for joint in spec.joints:
         _multiply(joint, size, "pos")
         # N·m/(rad/s) and N·m/rad, as every joint but the base's turns.
-        joint.damping *= size**4 * time
-        joint.stiffness *= size**4
-        joint.armature *= size**5
-        joint.frictionloss *= size**4
+        joint.damping *= heavy * size * time
+        joint.stiffness *= heavy * size
+        joint.armature *= heavy * size**2
+        joint.frictionloss *= heavy * size
     for actuator in spec.actuators:
-        _multiply(actuator, size**4, "ctrlrange", "forcerange")
+        _multiply(actuator, heavy * size, "ctrlrange", "forcerange")
     return Robot.from_mjcf(spec, own.feet, name=f"{name} x {size:g}", home=own.home)
 
 

@@ -2,14 +2,18 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import pytest
 
 from eval import transfer
+from eval.tools.ship import ShipConfig, ship
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
+from fbid_gym.robots import load
 from train.ppo import main
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.robots import another
 
 ROBOTS = ("go1", "zoo:quadruped:0")
 
@@ -22,7 +26,7 @@ def config(tmp_path, robots):
         num_envs=4,
         total_steps=8,
         ppo=PPOConfig(n_steps=2, hidden=(8,)),
-        eval=EvaluationConfig(every=0),
+        eval=EvaluationConfig(every=8, episodes=2),
         out=tmp_path / "run",
     )
 
@@ -33,13 +37,30 @@ def test_a_policy_of_several_robots_acts_on_others(tmp_path, capsys):
     assert "robots" not in Policy.load(run).env_args
     out = tmp_path / "table.csv"
     names = ["go1", "zoo:quadruped:1000", "biped"]
-    asked = [str(run), "--robots", *names, "--episodes", "2", "--out", str(out)]
+    asked = [str(run), "--robots", *names, "--episodes", "2", "--gain", "4", "--out", str(out)]
     assert transfer.main(asked) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
-    assert [row["robot"] for row in rows] == [name for name in names for _ in range(2)]
-    assert [int(row["episodes"]) for row in rows] == [2, 2, 2, 2, 0, 2]
+    assert [row["robot"] for row in rows] == [name for name in names for _ in range(3)]
+    players = ["run", "zero, base_acceleration", "proportional:4, base_acceleration"]
+    assert [row["policy"] for row in rows] == 3 * players
+    assert [int(row["episodes"]) for row in rows] == [2, 2, 2, 2, 2, 2, 0, 2, 2]
     said = " ".join(capsys.readouterr().out.split())
-    assert "cannot act" in said and "on 2 robots" in said
+    assert "cannot act" in said and "on 2 robots" in said and "acts on 4 feet" in said
+    assert transfer.main([*asked[:-4], "--who", "laws", "--out", str(out)]) == 0
+    assert len(list(csv.DictReader(out.read_text().splitlines()))) == 3
+
+    asked = ShipConfig(run, "QuadrupedWalk-v0/any", 20, unseen=("quadruped",), unseen_episodes=2)
+    card = ship(replace(asked, out=tmp_path / "policies")).card
+    assert card.robots == ROBOTS and f"--robots {' '.join(ROBOTS)}" in card.command
+    assert "2 robots: go1, zoo:quadruped:0; measured on go1." in card.transfer()[0]
+    assert "never saw, 2 episodes each" in card.transfer()[1]
+    (there,) = card.unseen
+    assert (there.robot, there.joints) == ("quadruped", load("quadruped").num_joints)
+    with pytest.raises(InvalidValueError, match="did not learn with"):
+        ship(replace(asked, unseen=("zoo:quadruped:0",), out=tmp_path / "others"))
+    name = another(run, {}, load("quadruped"))
+    assert name == "run was trained on 2 robots and is played on robot 'quadruped'."
+    assert another(run, {}, load("go1")) is None
 
 
 def test_robots_for_tests_are_not_trained_on(tmp_path):

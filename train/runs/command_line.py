@@ -104,12 +104,13 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
         del usual[name]
     # Layer options are twice in the JSON, for readers of these arguments alone.
     arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in LAYER_ARGS}
-    usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None}
+    usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None, "robots": []}
     robot = arguments.get("robot")
     if isinstance(robot, Mapping):
         robot = str(folder.robot)
     arguments.pop("robot", None)
-    again = {**completed(stored), "env": env, "env_args": arguments, "robot": robot}
+    own = {"robot": robot, "robots": arguments.pop("robots", [])}
+    again = {**completed(stored), "env": env, "env_args": arguments, **own}
     return tuple(_options(again, usual))
 
 

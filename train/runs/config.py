@@ -259,6 +259,8 @@ class TrainConfig:
                     name, getattr(self, name), f"values JSON can hold ({error})"
                 ) from error
         own = {"env_id", "id", "action_layer", "layer_options", "seed", "num_envs", "num_threads"}
+        if self.robot is not None and self.robots:
+            raise InvalidValueError("robots", self.robots, "none beside --robot, which is one")
         own |= {name for name in ("robot", "robots") if getattr(self, name)}
         taken = sorted(own & set(self.env_args))
         if taken:

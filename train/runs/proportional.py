@@ -4,6 +4,11 @@ It asks the body for K (commanded velocity - velocity), ahead and to the left, i
 action layer; the other entries of its actions are zero. It is named where a policy is:
 
     fbid-gym eval proportional:24/QuadrupedWalk-v0/base_acceleration
+
+Over the body's view it is a law in each robot's own units: K counts in sqrt(g / h), and 4 are 24/s
+of a robot whose centre of mass is 0.27 m high.
+
+    fbid-gym eval proportional:4/QuadrupedWalk-v0/base_acceleration/body --robot zoo:quadruped:7
 """
 
 from collections.abc import Mapping
@@ -19,14 +24,17 @@ from fbid_gym.envs.registered import registered
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Choice, Number
 from fbid_gym.policy import Policy
-from fbid_gym.runtime.config import AROUND, EnvConfig
+from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
 
 PREFIX = "proportional:"
 """What a name begins with; then come the gain, and with a policy's name environment and layer."""
 
+LAW = "proportional"
+"""What such a policy says has learnt it."""
+
 GAIN = Number(0.0, 1e6, "1/s")
 
-_LACK = "velocity {} short of the command (m/s)"
+_LACK = "velocity {} short of the command ({})"
 _BOUND = 1e6  # of what the policy sees, m/s: beyond any
 
 
@@ -35,13 +43,16 @@ def matrix_of(batch: EnvBatch, gain: float) -> np.ndarray:
 
     Args:
         batch: the environments.
-        gain: K, 1/s: m/s^2 that are asked of the body for each m/s that it is short of.
+        gain: K, 1/s: m/s^2 that are asked of the body for each m/s that it is short of; of those
+            who see the body alone in sqrt(g / h).
 
     Raises:
         InvalidValueError: nothing is commanded there, or the layer moves no body.
     """
     names = batch.observation_names
-    lacks = [_LACK.format(way) for way in ("ahead", "to the left")]
+    own = batch.config.observation == BODY
+    unit = "sqrt(g h)" if own else "m/s"
+    lacks = [_LACK.format(way, unit) for way in ("ahead", "to the left")]
     if not set(lacks) <= set(names):
         expected = "one that commands velocities and observes its own, such as QuadrupedWalk-v0"
         raise InvalidValueError("task of a proportional law", batch.config.task, expected)
@@ -51,8 +62,9 @@ def matrix_of(batch: EnvBatch, gain: float) -> np.ndarray:
         expected = "one whose action moves the body, such as base_acceleration"
         raise InvalidValueError("layer of a proportional law", batch.config.action_layer, expected)
     matrix = np.zeros((len(batch.action_names), len(names)))
+    size = batch.robot.gravity if own else 1.0
     for row, lack in enumerate(lacks):
-        matrix[row, names.index(lack)] = gain * entries[row]
+        matrix[row, names.index(lack)] = gain * size * entries[row]
     return matrix
 
 
@@ -62,7 +74,7 @@ def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Poli
     Args:
         env_id: of an environment of this package, or of a user's own task.
         make_args: its arguments; the action layer among them.
-        gain: K, 1/s.
+        gain: K, as of `matrix_of`.
 
     Raises:
         FbidError: such an environment cannot be made, or as `matrix_of`.
@@ -79,7 +91,7 @@ def proportional(env_id: str, make_args: Mapping[str, Any], gain: float) -> Poli
         weights=(law,),
         biases=(np.zeros(len(law)),),
         clip=_BOUND,
-        algorithm="proportional",
+        algorithm=LAW,
         source=f"{PREFIX}{gain:g}",
     )
 
@@ -96,7 +108,7 @@ def gain_of(name: str) -> float:
 
 
 def named(path: Path) -> Policy | None:
-    """Return the law `proportional:GAIN/ENVIRONMENT/LAYER`; None for another path.
+    """Return the law `proportional:GAIN/ENVIRONMENT/LAYER[/body]`; None for another path.
 
     Raises:
         FbidError: a name that begins so, and ends otherwise.
@@ -104,9 +116,13 @@ def named(path: Path) -> Policy | None:
     if not str(path).startswith(PREFIX):
         return None
     gain, *rest = path.parts
-    if len(rest) != 2:
-        expected = f"{PREFIX}GAIN/ENVIRONMENT/LAYER, such as {PREFIX}24/QuadrupedWalk-v0/com_wrench"
+    view = {"observation": BODY} if rest[2:] == [BODY] else {}
+    if len(rest) != 2 + len(view):
+        expected = (
+            f"{PREFIX}GAIN/ENVIRONMENT/LAYER, such as {PREFIX}24/QuadrupedWalk-v0/com_wrench, "
+            f"and /{BODY} for the body's view"
+        )
         raise InvalidValueError("policy", str(path), expected)
     env_id = Choice(ENVIRONMENTS, "environment").check("environment", f"fbid_gym/{rest[0]}")
     layer = Choice(LAYERS, "action layer").check("action layer", rest[1])
-    return proportional(env_id, {"action_layer": layer}, gain_of(gain))
+    return proportional(env_id, {"action_layer": layer, **view}, gain_of(gain))

@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
+from fbid_gym.policy import Policy
 from fbid_gym.robots import ROBOTS, ZOO, Robot, load
 from fbid_gym.robots.description import feet_in_words
+from fbid_gym.robots.several import each_name
 from fbid_gym.robots.source import is_published
 from fbid_gym.robots.zoo import HELD_OUT, is_held_out
 from train.runs.archive import found
 from train.runs.config import TrainConfig
+from train.runs.files import read_json
 from train.runs.folder import RunFolder
 
 
@@ -108,6 +111,19 @@ def of_policy(path: Path, env_args: Mapping[str, Any], given: Robot | None = Non
     )
 
 
+def learnt_with(path: Path) -> tuple[str, ...]:
+    """Return the names of the robots that a policy learnt with, where these were several.
+
+    Args:
+        path: its run folder, or the file of one that is shipped.
+    """
+    config = RunFolder.of(path).config
+    if config.is_file():
+        return each_name((read_json(config).get("env_args") or {}).get("robots") or ())
+    card = Policy.load(path).card if path.is_file() else None
+    return () if card is None else card.robots
+
+
 def another(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> str | None:
     """Say that a policy is played on another robot than it was trained on.
 
@@ -119,6 +135,11 @@ def another(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> str
     Returns:
         One sentence; None where it is the same.
     """
+    if several := learnt_with(path):
+        if robot is not None and robot.name in several:
+            return None
+        where = "the robot of its environment" if robot is None else _words(named(robot))
+        return f"{path.name} was trained on {len(several)} robots and is played on {where}."
     its = env_args.get("robot")
     if robot is None or its == named(robot):
         return None

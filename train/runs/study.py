@@ -7,6 +7,11 @@
     runs = "mine"                            # folder of the runs, beside the file; else runs/NAME
     eval = { every = 250_000 }               # any setting of a recipe, for every arm
 
+    [transfer]                               # robots that no arm learns with, for eval.scaling
+    unseen = ["zoo:quadruped:1000-1029"]
+    gain = 4.0                               # of the proportional law beside them; else none
+    episodes = 8                             # on each
+
     [[endpoints]]                            # at most three; none can change once runs have begun
     measure = "return_mean"                  # or velocity_error, turning_error, slip, falls, ...
     arm = "home"
@@ -19,6 +24,7 @@
     layer_options = { reference = "home" }
     env_args = {}                            # further arguments of the environment
     robot = "dog/robot.toml"                 # instead of the environment's, as --robot; and feet
+    robots = ["go1", "zoo:quadruped:0-15"]   # or several at once, as --robots
     algorithm = "sac"                        # that learns; "ppo" where it is not said
     total_steps = 5_000_000                  # any setting of a recipe, for this arm
 
@@ -34,6 +40,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
+from fbid_gym.options import Whole
 from train.recipes import SETTINGS, check, config_for, merged, valid_settings
 from train.runs.config import ALGORITHMS, SEED, TrainConfig
 from train.runs.differences import in_words, run_differences
@@ -41,11 +48,12 @@ from train.runs.endpoints import Endpoint, check_registered, endpoints
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.opening import continued
-from train.runs.robots import chosen, with_robot
+from train.runs.proportional import GAIN
+from train.runs.robots import chosen, with_robot, with_robots
 
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
-    *("robot", "feet", "seeds", "recipe", "algorithm"),
+    *("robot", "feet", "robots", "seeds", "recipe", "algorithm"),
 )
 _REQUIRED = ("name", "env", "action_layer")
 
@@ -61,6 +69,17 @@ class Cell(NamedTuple):
     def name(self) -> str:
         """For people."""
         return f"{environment_name(self.config.env)}, {self.arm}, seed {self.config.seed}"
+
+
+class Transfer(NamedTuple):
+    """Robots that no arm learns with, on which all are played."""
+
+    unseen: tuple[str, ...]
+    """As `fbid_gym.robots.several` takes them."""
+    gain: float | None = None
+    """Of the proportional law that plays as well, see `train.runs.proportional`."""
+    episodes: int = 8
+    """On each robot."""
 
 
 class Arm(NamedTuple):
@@ -82,6 +101,7 @@ class Study:
         page: of docs/, without its ending, that its tables go to.
         cells: the trainings, seed by seed: what has been interrupted has some of every arm.
         endpoints: what it is asked.
+        transfer: on which robots the policies are played besides; None: on none.
     """
 
     name: str
@@ -90,6 +110,7 @@ class Study:
     page: str
     cells: tuple[Cell, ...]
     endpoints: tuple[Endpoint, ...] = ()
+    transfer: Transfer | None = None
 
     @property
     def runs(self) -> Path:
@@ -120,6 +141,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
     reference, page = data.pop("reference", None), data.pop("page", path.stem)
     runs, asked = data.pop("runs", None), data.pop("endpoints", [])
+    transfer = _transfer(path, data.pop("transfer", None))
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
     check(f"study {path.stem!r}", data, valid_settings())
@@ -139,7 +161,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
     asked = endpoints(path, asked, [(cell.config.env, cell.arm) for cell in cells])
     cells.sort(key=lambda cell: cell.config.seed)
-    return Study(path.stem, str(title), reference, page, tuple(cells), asked)
+    return Study(path.stem, str(title), reference, page, tuple(cells), asked, transfer)
 
 
 def arms(study: Study) -> list[Arm]:
@@ -165,7 +187,7 @@ def check_cells(study: Study) -> None:
             continue
         stored, run = read_json(folder.config), continued(cell.config)
         robot = chosen(run.robot, run.feet)
-        asked = (run if robot is None else with_robot(run, robot)).to_json()
+        asked = with_robots(run if robot is None else with_robot(run, robot)).to_json()
         different = in_words(run_differences(stored, asked))
         trains, wants = stored.get("total_steps"), asked["total_steps"]
         if not different and isinstance(trains, int) and trains > wants:
@@ -202,11 +224,11 @@ def _cells(
             raise RunError(
                 f"{path}: {name} of arm {arm['name']!r} is {arm[name]!r}. Expected a table."
             )
-    robot, feet = arm.get("robot"), arm.get("feet", [])
+    robot = arm.get("robot")
+    feet = _names(path, arm.get("feet", []), f"feet of arm {arm['name']!r}")
     if not isinstance(robot, str | None):
         raise RunError(f"{path}: robot of arm {arm['name']!r} is {robot!r}. Expected a name.")
-    if not isinstance(feet, list) or not all(isinstance(foot, str) for foot in feet):
-        raise RunError(f"{path}: feet of arm {arm['name']!r} are {feet!r}. Expected names.")
+    robots = _names(path, arm.get("robots", []), f"robots of arm {arm['name']!r}")
     usual = config_for(
         *(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe")),
         algorithm=arm.get("algorithm", "ppo"),
@@ -227,7 +249,8 @@ def _cells(
                 usual,
                 env_args=dict(arm.get("env_args", {})),
                 robot=robot,
-                feet=tuple(feet),
+                feet=feet,
+                robots=robots,
                 seed=seed,
                 num_threads=1,
                 out=out / f"{place}-s{seed}",
@@ -235,6 +258,26 @@ def _cells(
         )
         for seed in seeds
     ]
+
+
+def _transfer(path: Path, given: Any) -> Transfer | None:
+    if given is None:
+        return None
+    if not isinstance(given, dict) or not isinstance(given.get("unseen"), list):
+        raise RunError(f"{path}: transfer is {given!r}. Expected a table with robots, `unseen`.")
+    if odd := sorted(given.keys() - set(Transfer._fields)):
+        raise UnknownOptionError("setting of transfer", odd[0], Transfer._fields)
+    unseen = _names(path, given["unseen"], "unseen of transfer")
+    gain, episodes = given.get("gain"), given.get("episodes", 8)
+    if gain is not None:
+        GAIN.check("gain of transfer", gain)
+    return Transfer(unseen, gain, Whole(1, 100_000).check("episodes of transfer", episodes))
+
+
+def _names(path: Path, given: Any, what: str) -> tuple[str, ...]:
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise RunError(f"{path}: {what} are {given!r}. Expected a list of names.")
+    return tuple(given)
 
 
 def _with(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:

@@ -31,6 +31,7 @@ SectionName = Literal[
     "conditions",
     "layers",
     "threads",
+    "several",
     "single",
     "runtime",
     "ppo",
@@ -47,9 +48,9 @@ class BenchConfig:
         SectionName
     )
     """What to measure: the laws per control tick, layers on the tasks they are for, walking beside
-    its physics, sensors and motors of robots, environment steps by layer and by thread, a single
-    robot, a robot's controller, PPO beside Humanoid-v5, resident memory, a first use with nothing
-    compiled."""
+    its physics, sensors and motors of robots, environment steps by layer, by thread and of several
+    robots in one batch, a single robot, a robot's controller, PPO beside Humanoid-v5, resident
+    memory, a first use with nothing compiled."""
     robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
@@ -76,6 +77,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
         "conditions": lambda: layers.conditions(config.num_envs, rounds),
         "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
+        "several": lambda: environments.several_robots(rounds),
         "single": lambda: layers.single(robots, chosen, rounds),
         "runtime": lambda: layers.controller(layers.CONTROLLED, rounds),
         "ppo": lambda: learning.frames(chosen, rounds),

@@ -22,7 +22,13 @@ compared on robots that stand."""
 BALANCE = "fbid_gym/BipedBalance-v0"
 """The environment, given a robot: not every robot has one of its own."""
 
+WALK = "fbid_gym/QuadrupedWalk-v0"
+
 RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
+MIXED = ((4, 64), (16, 4))
+"""Robots of a list, and how many environments of each."""
+
+MIXED_LIMIT = Limit(0.9, at_least=True)
 THREAD_LIMIT = Limit(1.7, at_least=True)
 
 
@@ -148,5 +154,42 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
         "Wall-clock time of the whole step, law included. Figure: speed relative to one thread. "
         "Physics alone is what the machine's second core is worth.",
         "x one thread",
+        tuple(figures),
+    )
+
+
+def several_robots(rounds: int) -> Section:
+    """Environment steps per second of several robots in a list, relative to as many of one."""
+    figures = []
+    for robots, each in MIXED:
+        stretches = {
+            name: Stretch(
+                gym.make_vec(
+                    WALK,
+                    robots=["go1"] * kinds,
+                    num_envs=robots * each,
+                    num_threads=1,
+                    action_layer="base_acceleration",
+                    observation="body",
+                )
+            )
+            for name, kinds in (("one", 1), ("several", robots))
+        }
+        seconds = _seconds(stretches, rounds, time.process_time)
+        one, several = seconds["one"], seconds["several"]
+        figures.append(
+            Figure.of(
+                f"{robots} robots, {each} environments of each",
+                f"{robots * each / np.median(several):,.0f} steps/s",
+                one / several,
+                MIXED_LIMIT,
+            )
+        )
+    return Section(
+        "Several robots in one batch (one thread)",
+        "CPU time. `go1`, several times in the list and so stepped as different robots would be, "
+        "walks through `base_acceleration`. Figure: speed relative to as many environments of one "
+        "robot.",
+        "x one robot",
         tuple(figures),
     )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from eval.play.__main__ import PlayConfig, session_of, stage_of
@@ -10,8 +11,10 @@ from eval.play.session import Change
 from eval.play.stage import NO_POLICY
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, shipped
+from tests.eval.conftest import constant_policy
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
+BODY = {"action_layer": "base_acceleration", "observation": "body"}
 NAMES = [f"shipped:{each.name}" for each in shipped() if each.policy.env_id == WALK]
 
 
@@ -41,6 +44,22 @@ def test_they_are_offered_where_they_fit():
     offered = stage_of(PlayConfig(env=balance)).policies
     assert offered and all(name.startswith("shipped:BipedBalance-v0/") for name in offered)
     assert list(stage_of(PlayConfig(robot="go1")).policies) == NAMES
+
+
+def test_a_policy_of_bodies_brings_robots_to_choose_from(tmp_path):
+    policy = constant_policy(WALK, 26, np.zeros(14), env_args=BODY)
+    policy.save(mine := tmp_path / "mine.safetensors")
+    stage = stage_of(PlayConfig(policy=(mine,), robot="quadruped"))
+    assert stage.robots[:2] == ("quadruped", "go1") and "biped" not in stage.robots
+    assert stage.robots[2:] == tuple(f"zoo:quadruped:{seed}" for seed in range(1000, 1008))
+    asked = PlayConfig(
+        policy=(mine,), robots=("zoo:quadruped:4-5",), settings="robot=zoo:quadruped:5"
+    )
+    session = session_of(asked)
+    assert session.stage.robots == ("go1", "zoo:quadruped:4", "zoo:quadruped:5")
+    assert session.lanes[0].batch.robot.name == "zoo:quadruped:5" and session.hz == 50
+    with pytest.raises(InvalidValueError, match="robots with 4 feet, as go1 has; it has 2"):
+        stage_of(PlayConfig(policy=(mine,), robots=("biped",)))
 
 
 def test_a_named_policy_acts_first_on_its_own_robot(tmp_path):

@@ -1,5 +1,6 @@
 """Sessions without a viewer: what is asked happens, exactly, and nothing else does."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from eval.play.texts import from_query, to_query
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
+from fbid_gym.tasks.body_view import own_units
 from tests.eval.conftest import constant_policy
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
@@ -237,21 +239,52 @@ def other(control: Any) -> Any:
 def test_every_setting_travels_by_link_and_acts_elsewhere():
     """Also on a page that has begun with other ones."""
     policies = {"good": Policy.load("shipped:QuadrupedWalk-v0/joint_position_gait")}
-    here = Stage.of(WALK, {"action_layer": "base_acceleration"}, policies)
+    robots = ("go1", "quadruped")
+    here = Stage.of(WALK, {"action_layer": "base_acceleration"}, policies).among(robots)
     elsewhere = Stage.of(WALK, {"action_layer": "com_wrench", "gait": "pace"}, policies)
+    elsewhere = elsewhere.among(robots)
     session = Session(here)
-    wanted = {name: other(control) for name, control in session.offered.items()}
+    wanted = {name: other(control) for name, control in session.offers("quadruped").items()}
     session.submit(ChangeAll(wanted | {"layer": "joint_position"}))  # the policy's
     session.settle()
     assert session.refused == ""
     assert all(session.settings[n] != each.default for n, each in session.offered.items())
     for there in (here, elsewhere):
-        offered = controls(there)
+        offered = Session(there).offers("quadruped")
         given = from_query(offered, to_query(session.offered, session.settings))
         assert Session(there, given).settings == session.settings
     untouched = Session(here)
     given = from_query(controls(elsewhere), to_query(untouched.offered, untouched.settings))
     assert Session(elsewhere, given).settings == untouched.settings
+
+
+def test_another_robot_takes_over_at_its_own_scale():
+    """Who acts by bodies acts on it; who sees joints is refused in words, and nothing changes."""
+    drawn = "zoo:quadruped:3"  # of 16 joints
+    stage = Stage.of(WALK, {"action_layer": "base_acceleration", "observation": "body"}, {})
+    sees = stage.task().body  # go1
+    size = Session(stage).lanes[0].batch
+    shape = size.observation().shape[1], np.zeros(len(size.action_names))
+    body = constant_policy(WALK, *shape, env_args={"action_layer": "base_acceleration"})
+    joints = constant_policy(WALK, 62, np.zeros(12), env_args={"action_layer": "joint_position"})
+    session = Session(
+        replace(stage, policies={"body": body, "joints": joints}).among(("go1", drawn))
+    )
+    before, weight = session.settings, session.weight
+    session.play([(0, Change("policy", "body")), (0, Change("robot", drawn))], 3)
+    assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 16
+    robot = session.lanes[0].batch.task.body
+    ratio = own_units(robot).speed / own_units(sees).speed
+    assert session.settings["ahead"] == pytest.approx(ratio * before["ahead"], rel=0.01)
+    share = session.settings["push_force"] / session.weight
+    assert share == pytest.approx(before["push_force"] / weight, rel=0.05)  # whole N
+    session.play([(0, Change("policy", "joints"))], 1)
+    assert "sees 12 joints" in session.refused and session.settings["policy"] == "body"
+    session.play([(0, Change("robot", "go1"))], 1)
+    assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 12
+    assert session.settings["ahead"] == pytest.approx(before["ahead"], rel=0.01)
+    with pytest.raises(FbidError, match="robot"):
+        session.submit(Change("robot", "zoo:quadruped:4"))
 
 
 @pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench", "joint_position"])

@@ -73,6 +73,7 @@ def test_a_name_stands_for_a_path(own, capsys):
     (found,) = shipped()
     assert "shipped:" + found.name == own and found.layer == "joint_position"
     assert place_of(own) == place_of(Path(own)) == found.path
+    assert place_of("shipped:mine") == found.path  # of which there is one
     assert place_of("runs/mine") == Path("runs/mine")
     Policy.load(own)
     assert rollout.main([own, "--episodes", "1", "--env-args", '{"episode_seconds": 0.1}']) == 0

@@ -9,6 +9,8 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import FbidError
 from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.tasks.body_view import own_units
+from tests.robots.similar import similar
 from train.runs.environment import load_policy
 from train.runs.proportional import gain_of, matrix_of, proportional
 
@@ -45,7 +47,28 @@ def test_all_layers_are_asked_for_the_same_acceleration():
     assert np.abs(action).max() == 1.0
 
 
+@pytest.mark.parametrize("layer", BODY)
+def test_over_the_view_of_bodies_it_is_the_same_law_on_similar_robots(layer):
+    """K counts in sqrt(g / h): as many m/s^2 for each m/s as that is in 1/s."""
+    found = []
+    for size in (1.0, 4.0):
+        robot = similar("go1", size)
+        own = {"action_layer": layer, "robot": robot}
+        hz = {"physics_hz": round(500 / size**0.5), "control_hz": round(500 / size**0.5)}
+        rates = {**hz, "policy_hz": round(50 / size**0.5)}
+        seen = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALK] | own | rates | {"observation": "body"}), 1)
+        plain = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALK] | own | rates), 1)
+        rate, speed = own_units(seen.task.body).rate, own_units(seen.task.body).speed
+        k = seen.observation_names.index("velocity ahead short of the command (sqrt(g h))")
+        j = plain.observation_names.index("velocity ahead short of the command (m/s)")
+        found.append(matrix_of(seen, 4.0))
+        np.testing.assert_allclose(found[-1][0, k], speed * matrix_of(plain, 4.0 * rate)[0, j])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-5)
+
+
 def test_it_is_loaded_by_its_name():
+    view = load_policy(Path("proportional:6/QuadrupedWalk-v0/com_wrench/body")).env_args
+    assert view == {"action_layer": "com_wrench", "observation": "body"}
     policy = load_policy(Path("proportional:6/QuadrupedWalk-v0/com_wrench"))
     assert (policy.env_id, policy.env_args) == (WALK, {"action_layer": "com_wrench"})
     np.testing.assert_array_equal(
@@ -62,6 +85,7 @@ def test_a_shipped_policy_keeps_the_layer_of_before_the_pendulum():
     ("name", "said"),
     [
         ("proportional:6", "GAIN/ENVIRONMENT/LAYER"),
+        ("proportional:6/QuadrupedWalk-v0/com_wrench/head", "/body for the body's view"),
         ("proportional:x/QuadrupedWalk-v0/com_wrench", "a number from 0 to"),
         ("proportional:-1/QuadrupedWalk-v0/com_wrench", "a number from 0 to"),
         ("proportional:nan/QuadrupedWalk-v0/com_wrench", "a number from 0 to"),

@@ -18,6 +18,7 @@ from train.recipes import config_for
 from train.runs.command_line import command, parse
 from train.runs.endpoints import register
 from train.runs.opening import open_run
+from train.runs.robots import with_robots
 from train.runs.study import check_cells, read_study
 from train.runs.training import training_job
 from train.sweep import SweepConfig, main, standing, unfinished
@@ -245,3 +246,27 @@ def test_what_a_study_is_asked_cannot_change_once_it_has_begun(tmp_path):
 def test_what_is_wrong_with_an_endpoint_is_said(text, message, tmp_path):
     with pytest.raises(FbidError, match=message):
         read_study(write(tmp_path, text + ARM + SECOND))
+
+
+def test_an_arm_learns_with_several_robots_and_all_meet_others(tmp_path):
+    others = '[transfer]\nunseen = ["zoo:quadruped:1000-1001"]\ngain = 4\n'
+    robots = ARM + 'robots = ["go1", "zoo:quadruped:0-3"]\n'
+    study = read_study(write(tmp_path, others + robots), tmp_path)
+    assert study.transfer == (("zoo:quadruped:1000-1001",), 4, 8)
+    (cell,) = study.cells
+    assert cell.config.robots == ("go1", "zoo:quadruped:0-3")
+    with open_run(with_robots(cell.config)) as run:
+        run.begin()
+    check_cells(study)  # the folder is of these robots
+    fewer = read_study(write(tmp_path, ARM + 'robots = ["go1"]\n'), tmp_path)
+    with pytest.raises(RunError, match="not what the study says"):
+        check_cells(fewer)
+    for text, message in (
+        ("[transfer]\ngain = 4\n" + ARM, "with robots, `unseen`"),
+        (others.replace("gain", "gains") + ARM, "'gains'.*unseen, gain, episodes"),
+        (others.replace("4", '"4"') + ARM, "gain of transfer"),
+        (ARM + "robots = 3\n", "robots of arm 'a' are 3"),
+        (ARM + 'robot = "go1"\nrobots = ["go1"]\n', "none beside --robot"),
+    ):
+        with pytest.raises(FbidError, match=message):
+            read_study(write(tmp_path, text))

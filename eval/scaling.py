@@ -1,0 +1,333 @@
+r"""What the policies of a study do on robots that they never saw, and what more bodies are worth.
+
+python -m eval.scaling studies/bodies.toml --write-docs
+
+`train.sweep` trains what a study names; this plays every finished training on the robots that its
+[transfer] names, with the zero action and the proportional law of each layer, and keeps what they
+did beside the runs: what is kept is not played again. It makes a figure of that, robots learnt with
+against return and falls on unseen ones, and a table of robots.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import tyro
+from rich.console import Console
+from scipy.stats import wilcoxon
+
+from eval.page.docs import DOCS, splice, spliced
+from eval.page.figures import Series, panel, sheet
+from eval.statistics import holm
+from eval.study.cells import policy_digest
+from eval.transfer import COLUMNS, ZERO
+from eval.wording import Form, capital, number, percent
+from fbid_gym.envs.registered import registered
+from fbid_gym.errors import RunError
+from fbid_gym.options import Whole, check_fields
+from fbid_gym.robots.several import each_name
+from train.command import run_command
+from train.runs.config import TrainConfig, cores
+from train.runs.files import check_folder, write
+from train.runs.jobs import Job, Progress, run_jobs
+from train.runs.proportional import PREFIX
+from train.runs.reading import layer_name
+from train.runs.study import Cell, Study, arms, check_cells, environment_name, read_study
+from train.runs.tables import read_rows, to_csv
+from train.runs.training import is_finished
+
+
+@dataclass(frozen=True)
+class ScalingConfig:
+    """Play the policies of a study on robots that they never saw; show what bodies are worth."""
+
+    study: tyro.conf.Positional[Path]
+    """TOML file with [transfer], see `train.runs.study`."""
+    runs: Path | None = None
+    """Folder of the runs; by default the one that the study names, or runs/NAME."""
+    workers: Annotated[int, Whole(1, 1024)] | None = None
+    """Policies played at the same time, one core each. Default: as many as there are cores."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write the figure and the rows to docs/NAME_unseen.svg and .csv, after the study's name, and
+    the table between its marks into the study's page of docs/."""
+
+
+class Played(NamedTuple):
+    """What an arm's policies, or those who learnt nothing, did on the unseen robots.
+
+    Attributes:
+        name: of the arm, or of the law.
+        layer: in words.
+        bodies: number of robots that it learnt with; 0 of laws.
+        seen: names of those.
+        returned: robot -> mean return of each seed.
+        up: robot -> share of the episodes without a fall, of each seed.
+    """
+
+    name: str
+    layer: str
+    bodies: int
+    seen: frozenset[str]
+    returned: dict[str, list[float]]
+    up: dict[str, list[float]]
+
+    def over(self, values: dict[str, list[float]], robots: list[str]) -> np.ndarray:
+        """(S,) mean over robots, of each seed."""
+        return np.array([values[robot] for robot in robots if robot in values]).mean(axis=0)
+
+
+def main(config: ScalingConfig, console: Console) -> int:
+    """Play what has not been, then print and write; return the exit status."""
+    check_fields(config)
+    study = read_study(config.study, config.runs)
+    check_cells(study)
+    page = DOCS / f"{study.page}.md"
+    if study.transfer is None:
+        raise RunError(f"{config.study}: has no [transfer]. Expected one, with unseen robots.")
+    if len({arm.env for arm in arms(study)}) > 1:
+        raise RunError(f"{config.study}: has several environments. Expected one for all arms.")
+    if config.write_docs:
+        spliced(page, "", "robots")  # refuses a page without marks before anything is played
+    check_folder(_folder(study), "runs")
+    waiting = list(jobs(study))
+    failed = run_jobs(waiting, config.workers or cores(), console, keep_going=True)
+    rows = kept(study)
+    if not rows:
+        raise RunError(f"{study.runs}: nothing has been played. Expected finished trainings.")
+    found = played(study, rows)
+    said = table(study, rows, found)
+    console.print(said, markup=False, soft_wrap=True)
+    if config.write_docs:
+        name = f"{study.name}_unseen"
+        write(DOCS / f"{name}.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
+        write(DOCS / f"{name}.svg", drawn(found))
+        shown = f"![Robots learnt with against return and falls on unseen ones]({name}.svg)"
+        splice(page, f"{shown}\n\n{_LEGEND}\n\n{said}\n\n[All rows]({name}.csv).", "robots")
+    return 1 if failed else 0
+
+
+_LEGEND = (
+    "Bands: least to greatest seed. Dashed: the zero action of the layer; lines without dots: its "
+    "proportional law."
+)
+
+
+def _folder(study: Study) -> Path:
+    return study.runs / "transfer"
+
+
+def _tables(study: Study, cell: Cell) -> tuple[Path, Path]:
+    """Where the rows of a cell's policy are kept, and those of the laws in its environment.
+
+    Their names change with the policy, the environment and the robots, so that what was played
+    before such a change does not count.
+    """
+    config, asked = cell.config, repr(study.transfer)
+    rest = {n: v for n, v in config.make_args().items() if n not in ("robot", "robots")}
+    laws = f"{environment_name(config.env)}-{config.action_layer}-laws"
+    names = (
+        (config.folder.name, policy_digest(config.folder)),
+        (laws, json.dumps(rest, sort_keys=True)),
+    )
+    place = _folder(study)
+    own, beside = (
+        f"{name}-{sha256((asked + what).encode()).hexdigest()[:8]}" for name, what in names
+    )
+    return place / f"{own}.csv", place / f"{beside}.csv"
+
+
+def jobs(study: Study) -> Iterator[Job]:
+    """Yield what has to be played: each finished policy, and once each layer's laws."""
+    transfer, planned = study.transfer, set[Path]()
+    assert transfer is not None
+    for cell in study.cells:
+        if not is_finished(cell.config):
+            continue
+        for laws, out in enumerate(_tables(study, cell)):
+            if out in planned or out.is_file():
+                continue
+            planned.add(out)
+            gain = ("--gain", str(transfer.gain)) if laws and transfer.gain is not None else ()
+            command = (
+                *(sys.executable, "-m", "eval.transfer", str(cell.config.folder)),
+                *("--robots", *transfer.unseen, "--episodes", str(transfer.episodes)),
+                *("--who", "laws" if laws else "policies", *gain, "--out", str(out)),
+            )
+            yield Job(out.stem, command, out.with_suffix(".log"), partial(_progress, out))
+
+
+def _progress(out: Path) -> Progress:
+    return Progress(float(out.is_file()))
+
+
+def kept(study: Study) -> list[dict[str, Any]]:
+    """Return what has been played, each row with arm, layer and seed; of laws with the layer."""
+    found, laws = list[dict[str, Any]](), set[Path]()
+    for cell in study.cells:
+        if not is_finished(cell.config):
+            continue
+        own, beside = _tables(study, cell)
+        layer = {"layer": layer_name(cell.config.make_args())}
+        known = {"arm": cell.arm, "seed": cell.config.seed, **layer}
+        found += [known | row for row in read_rows(own)]
+        if beside not in laws:
+            laws.add(beside)
+            found += [{"arm": "", "seed": ""} | layer | row for row in read_rows(beside)]
+    return found
+
+
+def played(study: Study, rows: list[dict[str, Any]]) -> list[Played]:
+    """Return what each arm and each law did; arms in the order of the study, then laws."""
+    found = []
+    for arm in arms(study):
+        own = [row for row in rows if row["arm"] == arm.name]
+        if own:
+            config = arm.cells[0].config
+            robots = each_name(config.robots or (config.robot or _usual(config),))
+            found.append(_played(arm.name, robots, own))
+    laws = [row for row in rows if not row["arm"]]
+    for which in dict.fromkeys((row["policy"], row["layer"]) for row in laws):
+        own = [row for row in laws if (row["policy"], row["layer"]) == which]
+        found.append(_played(which[0], (), own))
+    return found
+
+
+def _usual(config: TrainConfig) -> str:
+    return str(registered(config.env).kwargs["robot"])
+
+
+def _played(name: str, learnt_with: tuple[str, ...], rows: list[dict[str, Any]]) -> Played:
+    returned, up = dict[str, list[float]](), dict[str, list[float]]()
+    for row in rows:
+        if int(row["episodes"]):
+            returned.setdefault(row["robot"], []).append(float(row["return"]))
+            up.setdefault(row["robot"], []).append(float(row["up"]))
+    layer = str(rows[0]["layer"])
+    return Played(name, layer, len(learnt_with), frozenset(learnt_with), returned, up)
+
+
+def unseen(found: list[Played]) -> list[str]:
+    """Return the robots that no arm has learnt with and on which all can act."""
+    seen = frozenset[str]().union(*(one.seen for one in found))
+    names = dict.fromkeys(robot for one in found for robot in one.returned)
+    return [n for n in names if n not in seen and all(n in one.returned for one in found)]
+
+
+def drawn(found: list[Played]) -> str:
+    """Return the scaling figure as SVG: bodies learnt with, against what is done on unseen ones.
+
+    A curve for each layer: the mean over robots and seeds, its band from the least seed to the
+    greatest; dashed, the zero action of the layer; without dots, its proportional law.
+    """
+    robots, panels = unseen(found), list[str]()
+    arms_, laws = [one for one in found if one.bodies], [one for one in found if not one.bodies]
+    layers = list(dict.fromkeys(one.layer for one in arms_))
+    most = max(one.bodies for one in arms_)
+    for which, title in ((0, "return"), (1, "share of the episodes without a fall")):
+
+        def mean(one: Played, which: int = which) -> np.ndarray:
+            return one.over((one.returned, one.up)[which], robots)
+
+        series = []
+        for colour, layer in enumerate(layers):
+            own = sorted((one for one in arms_ if one.layer == layer), key=lambda one: one.bodies)
+            beside = {one.name: mean(one).item() for one in laws if one.layer == layer}
+            zero = next((v for name, v in beside.items() if name.startswith(ZERO)), None)
+            x = [float(np.log2(one.bodies)) for one in own]
+            y = [mean(one) for one in own]
+            ends = [[float(f(each)) for each in y] for f in (np.mean, np.min, np.max)]
+            series.append(Series(layer, colour, x, *ends, level=zero, dots=True))
+            series += [
+                Series(f"one gain, {layer}", colour, [0.0, float(np.log2(most))], [v, v])
+                for name, v in beside.items()
+                if name.startswith(PREFIX)
+            ]
+        panels.append(
+            panel(
+                series,
+                capital(f"{title} on {len(robots)} unseen robots"),
+                "robots learnt with",
+                x_format=lambda x: f"{2.0**x:.0f}",
+            )
+        )
+    return sheet(panels)
+
+
+def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
+    """Return how all did together, and on each robot, as Markdown."""
+    robots = unseen(found)
+    better = compared(found, robots)
+    lines = [
+        f"{len(robots)} robots that nobody learnt with; means over them and over seeds, and (least "
+        "to greatest seed). Last columns: on how many of the robots an arm's mean return is above "
+        "that of its layer's zero action, and of its proportional law; p of Wilcoxon's signed-rank "
+        "test over the robots, by Holm's method for all of these columns.",
+        "",
+        "| arm | layer | robots learnt with | seeds | return | up | > zero | > one gain |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for one in found:
+        returned, up = one.over(one.returned, robots), one.over(one.up, robots)
+        than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
+        cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
+        cells += [_spread(returned, number), _spread(up, percent), *than]
+        lines.append(f"| {' | '.join(cells)} |")
+    first = {row["robot"]: row for row in rows}
+    lines += [
+        "",
+        "Return, and share of the episodes without a fall, on each robot; in brackets, of who "
+        "learnt with it.",
+        "",
+        f"| robot | kg | joints | {' | '.join(one.name for one in found)} |",
+        f"| --- | ---: | ---: |{' ---: |' * len(found)}",
+    ]
+    for robot, row in first.items():
+        cells = [f"`{robot}`", row["mass"], row["joints"]]
+        for one in found:
+            if robot not in one.returned:
+                cells.append("cannot act")
+                continue
+            value = f"{np.mean(one.returned[robot]):.0f}, {percent(float(np.mean(one.up[robot])))}"
+            cells.append(f"({value})" if robot in one.seen else value)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], str]:
+    """Say on how many robots each arm earns more than a law of its layer, and how surely it does.
+
+    Returns:
+        By the name of the arm and the prefix of the law's.
+    """
+    pairs = {
+        (one.name, prefix): np.array(
+            [np.mean(one.returned[robot]) - np.mean(law.returned[robot]) for robot in robots]
+        )
+        for one in found
+        for law in found
+        for prefix in (ZERO, PREFIX)
+        if one.bodies and law.layer == one.layer and law.name.startswith(prefix)
+    }
+    p_values = holm([wilcoxon(more).pvalue if more.any() else 1.0 for more in pairs.values()])
+    return {
+        which: f"{(more > 0.0).sum()} of {len(robots)}, p = {number(p, 2)}"
+        for (which, more), p in zip(pairs.items(), p_values, strict=True)
+    }
+
+
+def _spread(values: np.ndarray, form: Form) -> str:
+    text = form(float(values.mean()))
+    if len(values) == 1:
+        return text
+    return f"{text} ({form(float(values.min()))} to {form(float(values.max()))})"
+
+
+if __name__ == "__main__":
+    work = partial(main, console=Console(width=200, highlight=False))
+    sys.exit(run_command("eval.scaling", ScalingConfig, work, about=__doc__))
