@@ -35,9 +35,10 @@ from train.environments import make_env, make_envs, parse_env_args, register, st
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
 from train.runs.environment import changed_meaning, load_policy
-from train.runs.proportional import LAW, gain_of, proportional
-from train.runs.reading import Run
+from train.runs.proportional import LAW, ZERO, gain_of, proportional
+from train.runs.reading import Run, load
 from train.runs.robots import another, chosen, named, of_policy
+from train.runs.study import Cell
 from train.runs.tables import to_csv
 
 
@@ -68,6 +69,37 @@ class Player:
         policy = run.policy
         arguments = {**policy.env_args, **env_args}
         return cls(run.layer, policy.env_id, arguments, policy if trained else None, run.robot)
+
+    @classmethod
+    def unlearnt(
+        cls, policy: str, env_id: str, env_args: Mapping[str, Any], robot: Robot | None = None
+    ) -> "Player":
+        """Return the player of a policy that learns nothing.
+
+        Args:
+            policy: "zero", or `proportional:GAIN`.
+            env_id: Gymnasium id.
+            env_args: of the environment, the action layer among them.
+            robot: instead of the one that they name.
+
+        Raises:
+            FbidError: no such policy, or one that cannot act there.
+        """
+        arguments = dict(env_args) if robot is None else {**env_args, "robot": named(robot)}
+        player = cls("zero action", env_id, arguments, None, robot)
+        if policy == ZERO:
+            return player
+        return lawful(player, gain_of(policy))
+
+    @classmethod
+    def of_cell(cls, cell: Cell, robot: Robot | None = None, **env_args: Any) -> "Player":
+        """Return the player of a cell of a study; other arguments replace those of its arm."""
+        run = cell.config
+        if not cell.policy:
+            robots = {"robots": list(run.robots)} if run.robots and robot is None else {}
+            return cls.of(load(run.folder, robot), **robots, **env_args)
+        robot = robot or chosen(run.robot, run.feet)
+        return cls.unlearnt(cell.policy, run.env, {**run.make_args(), **env_args}, robot)
 
     @property
     def make_args(self) -> dict[str, Any]:
@@ -175,8 +207,8 @@ class RolloutConfig:
     action_layer: str | None = None
     """Action layer, with --zero-action or --policy."""
     policy: str | None = None
-    """Without learning: `proportional:GAIN` asks the body for GAIN (1/s) times what its horizontal
-    velocity is short of the command, through the action layer."""
+    """Without learning: "zero", or `proportional:GAIN`, which asks the body for GAIN (1/s) times
+    what its horizontal velocity is short of the command, through the action layer."""
     robot: str | None = None
     """Instead of the environment's or the policy's: a built-in robot, or your own: an MJCF, a URDF,
     a robot.toml or a robot.zip."""
@@ -217,8 +249,8 @@ def player_of(config: RolloutConfig) -> Player:
         )
     if config.policy is not None and (config.zero_action or config.source is not None):
         raise InvalidValueError("--policy", config.policy, "none beside another policy")
-    gain = None if config.policy is None else gain_of(config.policy)
-    if not config.zero_action and gain is None:
+    policy = ZERO if config.zero_action else config.policy
+    if policy is None:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
         return load_player(config.source, env_args, robot)
@@ -230,12 +262,7 @@ def player_of(config: RolloutConfig) -> Player:
         raise InvalidValueError("--env", None, expected)
     if config.action_layer is not None:
         env_args["action_layer"] = config.action_layer
-    if robot is not None:
-        env_args["robot"] = named(robot)
-    player = Player("zero action", config.env, env_args, None, robot)
-    if gain is None:
-        return player
-    return lawful(player, gain)
+    return Player.unlearnt(policy, config.env, env_args, robot)
 
 
 def _warnings(config: RolloutConfig, player: Player) -> list[str]:

@@ -197,6 +197,39 @@ def p_value(x: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> float:
     return float(test.pvalue)
 
 
+def paired(x: np.ndarray, y: np.ndarray, confidence: float) -> tuple[Estimate, float]:
+    """Set runs against a policy that is no run, on the same episodes.
+
+    What is found shall hold for other runs and for other episodes, so the variance of the mean
+    difference is that of the means of the runs plus that of the means of the episodes, with degrees
+    of freedom after Welch and Satterthwaite: the min F' of Clark 1973, "The
+    language-as-fixed-effect fallacy". Of two policies that are no runs it is the paired t-test over
+    episodes.
+
+    Args:
+        x: (R, E) of runs and episodes, or (E,) of a policy that is no run.
+        y: likewise; one of the two at least is (E,).
+        confidence: of the interval.
+
+    Returns:
+        The mean of x - y with its interval, and the two-sided p-value: no interval, and 1, where
+        there is one run or one episode only.
+    """
+    apart = np.atleast_2d(x - y)
+    value = float(apart.mean())
+    units = [apart.mean(axis=axis) for axis in range(max(x.ndim, y.ndim))]
+    if min(map(len, units)) < 2:
+        return Estimate(value), 1.0
+    variances = np.array([means.var(ddof=1) / len(means) for means in units])
+    error = math.sqrt(variances.sum())
+    if error <= 1e-12 * abs(value) or error == 0.0:
+        return Estimate(value, value, value), float(value == 0.0)
+    freedom = np.array([len(means) - 1 for means in units])
+    t = stats.t(variances.sum() ** 2 / (variances**2 / freedom).sum())
+    half = float(t.ppf((1.0 + confidence) / 2.0)) * error
+    return Estimate(value, value - half, value + half), float(2.0 * t.sf(abs(value) / error))
+
+
 def holm(p_values: Sequence[float]) -> list[float]:
     """Correct p-values for their number: Holm 1979, "A simple sequentially rejective procedure".
 

@@ -4,13 +4,13 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 
 from train.environments import step_seconds
-from train.episodes import Actor, play
+from train.episodes import Actor, Episodes, play
 
 _OF_EPISODES = ("velocity_error", "turning_error", "slip", "cost_of_transport")
 
 
 def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
-    """Play the first episode of every robot after seeding.
+    """Play the first episode of every robot after seeding, and summarise them.
 
     Draws from no generator but the environments' own.
 
@@ -18,12 +18,16 @@ def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
         actor: the policy.
         envs: robots whose episodes end, at the latest at a time limit.
         seed: robot i starts from seed + i.
-
-    Returns:
-        One row of `evaluations.csv`, without the columns of the training; what the environments do
-        not tell, such as the velocity error where no velocity is commanded, is NaN.
     """
-    episodes = play(envs, actor, envs.num_envs, seed, step_seconds(envs))
+    return summary(play(envs, actor, envs.num_envs, seed, step_seconds(envs)))
+
+
+def summary(episodes: Episodes) -> dict[str, float]:
+    """Return one row of `evaluations.csv`, without the columns of the training.
+
+    What the environments do not tell, such as the velocity error where no velocity is commanded, is
+    NaN.
+    """
     low, high = np.quantile(episodes.returned, (0.25, 0.75))
     return {
         "episodes": len(episodes),

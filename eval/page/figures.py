@@ -68,6 +68,12 @@ class Series:
         return cls(name, colour, grid, band.value, band.low, band.high, thin, level)
 
     @classmethod
+    def constant(cls, name: str, colour: int, until: float, value: Estimate) -> "Series":
+        """Make one that does not change, from 0 to the abscissa `until`, with its interval."""
+        low, high = (None if end is None else [end, end] for end in (value.low, value.high))
+        return cls(name, colour, [0.0, until], [value.value] * 2, low, high)
+
+    @classmethod
     def through(
         cls,
         name: str,

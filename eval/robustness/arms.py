@@ -1,7 +1,7 @@
 """Who is tried: runs grouped as `eval.compare` does, arms of studies, and zero actions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,11 +13,10 @@ from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
+from train.runs.proportional import ZERO
 from train.runs.reading import Run, layer_name, load
-from train.runs.robots import named
 from train.runs.study import Arm as StudyArm
 from train.runs.study import Cell, arms, check_cells, read_study
-from train.runs.training import is_finished
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Arm:
     players: tuple[Player, ...]
     """One for each run."""
     runs: tuple[str, ...] = ()
-    """Names of the runs; none for a zero action."""
+    """Names of the runs, or of what a study has instead of one; none for a zero action."""
 
 
 class Wanted(NamedTuple):
@@ -80,7 +79,7 @@ def load_arms(
     for path, study in studies:
         check_cells(study)
         its = [arm for arm in arms(study) if wanted.has(arm)]
-        done = [[cell for cell in arm.cells if is_finished(cell.config)] for arm in its]
+        done = [arm.finished() for arm in its]
         if not any(done):
             where = f" in {wanted.env_id}" if wanted.env_id else ""
             raise RunError(
@@ -104,9 +103,10 @@ def load_arms(
 def arm_of_cells(
     name: str, cells: Sequence[Cell], robot: Robot | None, env_args: Mapping[str, Any]
 ) -> Arm:
-    """Return finished trainings of a study as its arm; other arguments as for `load_arms`."""
-    runs = [load(cell.config.folder, robot) for cell in cells]
-    return _arm(name, layer_name(cells[0].config.make_args()), runs, env_args)
+    """Return finished cells of a study as its arm; other arguments as for `load_arms`."""
+    players = tuple(Player.of_cell(cell, robot, **env_args) for cell in cells)
+    layer = layer_name(cells[0].config.make_args())
+    return Arm(name, layer, players, tuple(cell.config.folder.name for cell in cells))
 
 
 def _arms_of_runs(runs: Sequence[Run], env_args: Mapping[str, Any]) -> tuple[list[Arm], list[str]]:
@@ -144,12 +144,10 @@ def zero_action(
         env_args: further arguments of the environment; `robot` among them only by its name.
         robot: to be played on instead of the one that they name.
     """
-    arguments = {**env_args, "action_layer": layer}
-    if robot is not None:
-        arguments["robot"] = named(robot)
-    words = layer_name(arguments)
-    player = Player(f"{words}, zero action", env_id, arguments, None, robot)
-    return Arm(player.name, words, (player,))
+    player = Player.unlearnt(ZERO, env_id, {**env_args, "action_layer": layer}, robot)
+    words = layer_name(player.env_args)
+    name = f"{words}, zero action"
+    return Arm(name, words, (replace(player, name=name),))
 
 
 def environment(player: Player) -> EnvConfig:

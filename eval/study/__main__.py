@@ -36,9 +36,7 @@ from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.command import run_command
 from train.progress import Tell, progress
-from train.runs.reading import load
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
-from train.runs.training import is_finished
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class StudyConfig:
     fresh_episodes: Annotated[int, Whole(1, 65_536)] | None = None
     """Play first, by every finished policy that has not, so many episodes that neither training nor
     its evaluations have seen, and keep what they did beside the runs. It is shown without being
-    asked for."""
+    asked for. Policies that learn nothing are played here, and nowhere else."""
     settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
     """How the runs are put together."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -123,25 +121,24 @@ def main(config: StudyConfig, command: str = "") -> int:
 def film(
     study: Study, found: Findings, seconds: float, tell: Tell
 ) -> tuple[dict[tuple[str, str], Shown], list[str]]:
-    """Record the median training of each arm of which any is done.
+    """Record the median training of each arm of which any is done, and what learns nothing.
 
     Returns:
         The clips by environment and arm; and why others are missing, a sentence each.
     """
     colour = colours_of(arm.name for arm in found.arms)
-    cells = {cell.config.folder.name: cell for cell in study.cells}
+    cells = {cell.config.folder.name: cell for cell in (*study.cells, *study.unlearnt)}
     clips, missing = {}, []
-    done = [arm for arm in found.arms if arm.done]
+    done = [arm for arm in found.arms if arm.ready]
     for k, arm in enumerate(done):
         name = _median(arm)
         tell(k, len(done), name)
         try:
-            run = load(cells[name].config.folder)
-            clip = filmed(Player.of(run), found.settings.seed, seconds, "")
+            clip = filmed(Player.of_cell(cells[name]), found.settings.seed, seconds, "")
         except FbidError as error:  # the numbers stand without it
             missing.append(f"There is no clip of {name}: {error}")
             continue
-        note = f"seed {run.seed}, {fate(clip)}"
+        note = f"{arm.policy or f'seed {cells[name].config.seed}'}, {fate(clip)}"
         clips[arm.env_id, arm.name] = Shown(arm.name, colour[arm.name], note, clip)
     return clips, missing
 
@@ -152,10 +149,10 @@ def _median(arm: ArmFound) -> str:
 
 
 def measure_robustness(config: StudyConfig, study: Study, console: Console) -> None:
-    """Try the finished trainings of each environment along all factors, and keep what is found."""
+    """Try the policies of each environment along all factors, and keep what is found."""
     tried: dict[str, list[Tried]] = {}
     for arm in arms(study):
-        done = [cell for cell in arm.cells if is_finished(cell.config)]
+        done = arm.finished()
         if done:
             short = {"episode_seconds": config.robustness_seconds}
             tried.setdefault(arm.env, []).append(arm_of_cells(arm.name, done, None, short))
@@ -176,7 +173,7 @@ def _kept(study: Study, env_id: str) -> Robustness | None:
     if not file.is_file():
         return None
     kept = read(file)
-    own = {(cell.arm, cell.config.folder.name) for cell in study.cells}
+    own = {(cell.arm, cell.config.folder.name) for cell in (*study.cells, *study.unlearnt)}
     strangers = {(arm, run) for arm in kept.arms for run in kept.runs.get(arm) or ["none"]} - own
     if kept.env_id != env_id or strangers:
         whose = "arm {}, run {}".format(*min(strangers)) if strangers else kept.env_id
@@ -186,16 +183,17 @@ def _kept(study: Study, env_id: str) -> Robustness | None:
 
 def _outdated(study: Study, kept: Robustness) -> list[str]:
     """Warn where the policies that were tried are not those of today, or are not known."""
-    place = {cell.config.folder.name: cell.config.folder for cell in study.cells}
+    cells = {cell.config.folder.name: cell for cell in study.cells}
+    learnt = {arm: runs for arm, runs in kept.runs.items() if cells.keys() >= {*runs}}
     what = f"What the policies stand in {environment_name(kept.env_id)}"
     again = "--robustness measures it anew."
-    if any(len(kept.policies.get(arm, ())) != len(runs) for arm, runs in kept.runs.items()):
+    if any(len(kept.policies.get(arm, ())) != len(runs) for arm, runs in learnt.items()):
         return [f"{what} was measured before it was noted of which policies: {again}"]
     changed = [
         run
-        for arm, runs in kept.runs.items()
+        for arm, runs in learnt.items()
         for run, then in zip(runs, kept.policies[arm], strict=True)
-        if then != policy_digest(place[run])
+        if then != policy_digest(cells[run])
     ]
     if not changed:
         return []

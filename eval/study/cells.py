@@ -1,5 +1,7 @@
 """The cells of a study as they stand on the disk, arm by arm."""
 
+import hashlib
+import json
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -12,9 +14,8 @@ from fbid_gym.policy import Policy
 from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
-from train.runs.study import Arm, Study, environment_name
+from train.runs.study import Arm, Cell, Study, environment_name
 from train.runs.tables import read_rows
-from train.runs.training import is_finished
 
 
 class Curve(NamedTuple):
@@ -57,7 +58,7 @@ def curve(arm: Arm, column: str) -> Curve:
 
     The finished cells count; where there is none, all do, as far as they have come together.
     """
-    cells = [cell for cell in arm.cells if is_finished(cell.config)] or arm.cells
+    cells = arm.finished() or arm.cells
     tables = [table for cell in cells if (table := columns(cell.config))]
     # A training that goes on beyond what it was to take was evaluated once more there.
     common = [set(table["steps"].tolist()) for table in tables]
@@ -88,16 +89,22 @@ def fallen(run: TrainConfig, steps: np.ndarray) -> np.ndarray:
     return np.interp(steps, *np.array(known).T)
 
 
-def policy_digest(folder: Path) -> str:
-    """Return the digest of a run's policy; empty where there is none that can be read."""
+def policy_digest(cell: Cell) -> str:
+    """Return the digest of the policy of a cell; empty where there is none that can be read.
+
+    Of a policy that learns nothing it is that of all that a study says of it.
+    """
+    run = cell.config
+    if cell.policy:
+        its = (run.env, run.make_args(), run.robot, run.feet, run.eval.seed, run.eval.episodes)
+        return hashlib.sha256(json.dumps([cell.policy, *its], sort_keys=True).encode()).hexdigest()
     try:
-        return digest(Policy.load(found(folder)))
+        return digest(Policy.load(found(run.folder)))
     except FbidError:
         return ""
 
 
 def robustness_file(study: Study, env_id: str) -> Path:
     """Return where the robustness of a study's policies in an environment is kept."""
-    runs = study.cells[0].config.folder.parent
     # Studies may share a folder, and with it the trainings that they have in common.
-    return runs / "robustness" / f"{study.name}-{environment_name(env_id)}.json"
+    return study.runs / "robustness" / f"{study.name}-{environment_name(env_id)}.json"

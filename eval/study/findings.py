@@ -2,11 +2,13 @@
 
 The unit of chance is the run. Its numbers are those of its latest evaluation in training: the last
 policy, on episodes that no choice was made by, the same for every run. The first evaluation is the
-zero action, which is what a policy begins with.
+zero action, which is what a policy begins with. A policy that learns nothing has no runs: its
+chance is that of episodes, and it is set against runs by the same fresh episodes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.statistics import Chance
 from eval.study import fresh
 from eval.study.cells import columns, fallen
-from eval.study.fresh import Falls
+from eval.study.fresh import Falls, Played
 from eval.study.results import (
     CURVES,
     ERROR,
@@ -30,6 +32,7 @@ from eval.study.results import (
     CellFound,
     Findings,
     Fresh,
+    Level,
     Measure,
     Settings,
     Values,
@@ -62,17 +65,25 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
     reference = checked_reference(study, reference)
     rng = np.random.default_rng(settings.seed)
     chance = Chance(rng, settings.samples, settings.confidence)
-    played, outdated = fresh.kept(study)
-    found = [_with_fresh(_arm(arm, settings, chance), played, chance) for arm in arms(study)]
+    (played, outdated), evaluated = fresh.kept(study), fresh.levels(study)
+    found = [
+        _unlearnt(arm, evaluated, chance) if arm.policy else _arm(arm, settings, chance)
+        for arm in arms(study)
+    ]
+    levels = {arm.env_id: level for arm in found if (level := _level(arm.env_id, found))}
+    found = [_with_level(_with_fresh(arm, played, chance), levels, chance) for arm in found]
     references = {arm.env_id: arm for arm in found if arm.name == reference}
     for arm in found:
         other = references.get(arm.env_id)
-        if other is not None and other is not arm and arm.done and other.done:
-            most = arm.most, other.most
+        if other is None or other is arm:
+            continue
+        most, learnt = (arm.most, other.most), not (arm.policy or other.policy)
+        if learnt and arm.done and other.done:
             arm.versus.update(_versus(arm.each, other.each, most, chance))
-            if arm.fresh is not None and other.fresh is not None:
-                its = _versus(arm.fresh.each, other.fresh.each, most, chance)
-                arm.fresh.versus.update(its)
+        if arm.fresh is not None and other.fresh is not None:
+            test = None if learnt else partial(_paired, (arm, other), played, chance)
+            its = _versus(arm.fresh.each, other.fresh.each, most, chance, test)
+            arm.fresh.versus.update(its)
     folders = [RunFolder.of(cell.config.folder) for cell in study.cells]
     versions = [read_json(folder.versions) for folder in folders if folder.versions.is_file()]
     return Findings(
@@ -84,11 +95,14 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
         _across(found, references, chance),
         [*_changed(study), *origin_warnings([made_with(its) for its in versions]), *outdated],
         versions[0] if versions else {},
-        _answers(study, found, chance),
+        _answers(study, found, played, chance),
+        levels,
     )
 
 
-def _answers(study: Study, found: Sequence[ArmFound], chance: Chance) -> list[Answer]:
+def _answers(
+    study: Study, found: Sequence[ArmFound], played: Mapping[str, Played], chance: Chance
+) -> list[Answer]:
     """Return what came of the endpoints of which both arms are done; p is corrected for all."""
     arms_by_name = {(arm.env_id, arm.name): arm for arm in found}
     answers = []
@@ -99,9 +113,18 @@ def _answers(study: Study, found: Sequence[ArmFound], chance: Chance) -> list[An
         fresh_of_both = all(_has(side, measure) for side in sides)
         if not fresh_of_both:
             sides = [arm.each for arm in pair]
-        if not all(arm.done and _has(side, measure) for arm, side in zip(pair, sides, strict=True)):
+        if not all(
+            arm.ready and _has(side, measure) for arm, side in zip(pair, sides, strict=True)
+        ):
             continue
         x, y = (np.array(side[measure.name]) for side in sides)
+        unlearnt = any(arm.policy for arm in pair)
+        if not unlearnt:
+            apart, p_value = st.difference(x, y, chance), st.p_value(x, y, chance.rng)
+        elif (its := _paired(pair, played, chance, measure)) is not None:
+            apart, p_value = its
+        else:
+            continue
         answers.append(
             Answer(
                 asked.env,
@@ -110,9 +133,10 @@ def _answers(study: Study, found: Sequence[ArmFound], chance: Chance) -> list[An
                 measure,
                 fresh_of_both,
                 (float(x.mean()), float(y.mean())),
-                st.difference(x, y, chance),
-                p := st.p_value(x, y, chance.rng),
-                p,
+                unlearnt,
+                apart,
+                p_value,
+                p_value,
             )
         )
     # Those that are not known yet count, too: with p = 1.
@@ -121,13 +145,34 @@ def _answers(study: Study, found: Sequence[ArmFound], chance: Chance) -> list[An
     return [replace(each, corrected=p) for each, p in zip(answers, corrected, strict=False)]
 
 
+def _paired(
+    pair: Sequence[ArmFound], played: Mapping[str, Played], chance: Chance, measure: Measure
+) -> tuple[Estimate, float] | None:
+    """Set two arms of which one learns nothing against each other by their fresh episodes.
+
+    Of returns the shares of what can be earned, where arms decide at different rates. None where
+    the two have not played as many episodes, or what each came to was not kept.
+    """
+    sides = []
+    for its in pair:
+        each = [played[run].each for run in its.fresh.runs] if its.fresh is not None else []
+        values = [measure.of(columns) for columns in each if columns]
+        if not values or len(values) < len(each):
+            return None
+        per = its.most / pair[1].most if measure is RETURN and np.isfinite(its.most) else 1.0
+        sides.append((values[0] if its.policy else np.array(values)) / per)
+    if sides[0].shape[-1] != sides[1].shape[-1]:
+        return None
+    return st.paired(sides[0], sides[1], chance.confidence)
+
+
 def checked_reference(study: Study, reference: str | None) -> str:
     """Return the arm that the others are set against; None: the study's.
 
     Raises:
         UnknownOptionError: no arm has that name.
     """
-    names = dict.fromkeys(cell.arm for cell in study.cells)
+    names = dict.fromkeys(arm.name for arm in arms(study))
     if reference is not None and reference not in names:
         raise UnknownOptionError("reference", reference, names)
     return study.reference if reference is None else reference
@@ -178,6 +223,58 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
     )
 
 
+def _unlearnt(arm: Arm, evaluated: Mapping[str, Played], chance: Chance) -> ArmFound:
+    """Return an arm that learns nothing, by what it did in evaluations of trainings."""
+    first = arm.cells[0].config
+    its = evaluated.get(first.folder.name)
+    final = {} if its is None else _over_episodes(its, chance)
+    layer, most = layer_name(first.make_args()), greatest_return(first.env, first.make_args())
+    counted = [first.folder.name] if final else []
+    each = {name: [known.value] for name, known in final.items()}
+    return ArmFound(
+        *(arm.env, arm.name, layer, most, [], counted, 0.0, {}, each, final),
+        *({}, {}, [], [], []),
+        policy=arm.policy,
+    )
+
+
+def _over_episodes(its: Played, chance: Chance) -> dict[str, Estimate]:
+    """Return the means of the episodes of one policy, with intervals over them."""
+    found = {}
+    for measure in MEASURES:
+        mean, each = measure.of(its.means).item(), measure.of(its.each) if its.each else None
+        if np.isfinite(mean):
+            over = Estimate(mean) if each is None else chance.estimate([each], np.mean)
+            found[measure.name] = replace(over, value=mean)
+    return found
+
+
+def _level(env_id: str, found: Sequence[ArmFound]) -> Level | None:
+    """Return the best policy without learning of an environment; None where there is none."""
+    its = [arm for arm in found if arm.env_id == env_id and arm.policy and arm.has(RETURN)]
+    levels = [Level(arm.name, float(_scores(arm.each, RETURN, arm.most)[0])) for arm in its]
+    return max(levels, key=lambda level: level.share, default=None)
+
+
+def _with_level(arm: ArmFound, levels: Mapping[str, Level], chance: Chance) -> ArmFound:
+    cells = [cell for cell in arm.cells if cell.name in arm.counted]
+    if not cells or arm.env_id not in levels or not arm.has(RETURN):
+        return arm
+    level_to = {}
+    for axis in ("steps", "wall", "fallen"):
+        each = [
+            st.first_crossing(
+                np.array(getattr(cell, axis)),
+                _scores(cell.curves, RETURN, arm.most),
+                levels[arm.env_id].share,
+            )
+            for cell in cells
+        ]
+        if not np.isnan(each).any():
+            level_to[axis] = st.crossing(np.array(each), chance)
+    return replace(arm, level_to=level_to)
+
+
 def _band(cells: Sequence[CellFound], axis: str, measure: Measure, chance: Chance) -> Band:
     x = [np.array(getattr(cell, axis)) for cell in cells]
     return st.band(x, [np.array(cell.curves[measure.name]) for cell in cells], chance)
@@ -198,12 +295,15 @@ def _crossing(
     return st.crossing(np.array(each), chance)
 
 
-def _with_fresh(arm: ArmFound, played: Mapping[str, fresh.Columns], chance: Chance) -> ArmFound:
-    runs = [cell.name for cell in arm.cells if cell.name in played]
+def _with_fresh(arm: ArmFound, played: Mapping[str, Played], chance: Chance) -> ArmFound:
+    names = arm.counted if arm.policy else [cell.name for cell in arm.cells]
+    runs = [name for name in names if name in played]
     if not runs:
         return arm
-    each = {m.name: [float(m.of(played[name])[0]) for name in runs] for m in MEASURES}
+    each = {m.name: [m.of(played[name].means).item() for name in runs] for m in MEASURES}
     final = _final(each, [measure for measure in MEASURES if _has(each, measure)], chance)
+    if arm.policy:
+        final = _over_episodes(played[runs[0]], chance)
     return replace(arm, fresh=Fresh(runs, Falls.of([played[name] for name in runs]), each, final))
 
 
@@ -226,13 +326,19 @@ def _scores(each: Values, measure: Measure, most: float) -> np.ndarray:
 
 
 def _versus(
-    each: Values, others: Values, most: tuple[float, float], chance: Chance
+    each: Values,
+    others: Values,
+    most: tuple[float, float],
+    chance: Chance,
+    test: Callable[[Measure], tuple[Estimate, float] | None] | None = None,
 ) -> dict[str, Versus]:
+    """Set an arm against another; p is that of runs, or what `test` says, and may not be known."""
     found = {}
     for measure in (m for m in JUDGED if _has(each, m) and _has(others, m)):
         x, y = (_scores(*side) for side in ((each, measure, most[0]), (others, measure, most[1])))
-        p_value = st.p_value(x, y, chance.rng)
-        found[measure.name] = Versus(st.improvement([x], [y], chance), p_value)
+        known = test(measure) if test else (None, st.p_value(x, y, chance.rng))
+        if known is not None:
+            found[measure.name] = Versus(st.improvement([x], [y], chance), known[1])
     return found
 
 
@@ -242,7 +348,7 @@ def _across(
     """Return the arms that more than one environment has beside the reference."""
     by_name: dict[str, list[ArmFound]] = {}
     for arm in found:
-        if arm.done and arm.env_id in references and references[arm.env_id].done:
+        if arm.ready and arm.env_id in references and references[arm.env_id].ready:
             by_name.setdefault(arm.name, []).append(arm)
     across = []
     for name, its in by_name.items():

@@ -1,13 +1,15 @@
-"""What trained policies do in episodes that neither training nor its evaluations have seen.
+"""What policies do in episodes that neither training nor its evaluations have seen.
 
 The evaluations of a training are few episodes, the same every time: too few to count what befalls
-one robot in a hundred.
+one robot in a hundred. A policy that learns nothing plays those, too, so that the curves of the
+trainings can be set against it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,23 +18,48 @@ from eval.rollout import Player
 from eval.study.cells import policy_digest
 from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
-from train.environments import make_envs
-from train.evaluation import evaluate
+from train.environments import make_envs, step_seconds
+from train.episodes import play
+from train.evaluation import summary
 from train.progress import Tell
-from train.runs.reading import load
-from train.runs.study import Cell, Study
+from train.runs.study import Cell, Study, arms
 from train.runs.tables import EVALUATIONS, read_rows, to_csv
-from train.runs.training import is_finished
 from train.runs.versions import versions
 
 FIRST_SEED = 50_000
 """Robot i starts from it plus i: none that training, its evaluations or cards of policies use."""
 
 _MEASURED = tuple(name for name in EVALUATIONS if name not in ("steps", "wall_seconds"))
-_COLUMNS = ("run", "policy", "commit", *_MEASURED)
+_EACH = {"return_mean": "returned", "survival": "survived"} | {
+    name: name for name in ("velocity_error", "turning_error", "slip", "cost_of_transport")
+}
+"""Column -> that of `Episodes` it is the mean of."""
+_MOST_KEPT = 8192  # episodes; the values of more are no field of a CSV file
+_COLUMNS = ("run", "policy", "commit", *_MEASURED, *(f"{name}_each" for name in _EACH))
 
 Columns = dict[str, np.ndarray]
-"""Those of `evaluations.csv` that are of the episodes, (1,) each."""
+
+
+class Played(NamedTuple):
+    """What one policy did.
+
+    Attributes:
+        means: columns of `evaluations.csv` that are of the episodes, (1,) each.
+        each: those of them that are means of the episodes, (E,) each, in the order of their seeds;
+            empty where they were not kept.
+    """
+
+    means: Columns
+    each: Columns
+
+    @classmethod
+    def of(cls, row: Mapping[str, str]) -> "Played":
+        """Read a row of what is kept."""
+        each = {name: row.get(f"{name}_each") or "" for name in _EACH}
+        return cls(
+            {name: np.array([float(row[name])]) for name in _MEASURED},
+            {name: np.array(its.split(), float) for name, its in each.items() if its},
+        )
 
 
 @dataclass(frozen=True)
@@ -43,10 +70,11 @@ class Falls:
     episodes: int
 
     @classmethod
-    def of(cls, played: Sequence[Columns]) -> "Falls":
+    def of(cls, played: Sequence[Played]) -> "Falls":
         """Count those of runs, of as many episodes each."""
-        fallen = sum((1.0 - its["survival"].item()) * its["episodes"].item() for its in played)
-        return cls(round(fallen), round(sum(its["episodes"].item() for its in played)))
+        known = [(its.means["episodes"].item(), its.means["survival"].item()) for its in played]
+        fallen = sum((1.0 - survival) * episodes for episodes, survival in known)
+        return cls(round(fallen), round(sum(episodes for episodes, _ in known)))
 
     def __str__(self) -> str:
         """Write it as "16 of 1,000"."""
@@ -55,11 +83,25 @@ class Falls:
 
 def fresh_file(study: Study) -> Path:
     """Return where it is kept: beside the runs, which studies may share."""
-    return study.cells[0].config.folder.parent / "fresh_episodes.csv"
+    return study.runs / "fresh_episodes.csv"
+
+
+def level_file(study: Study) -> Path:
+    """Return where it is kept what policies that learn nothing do in evaluations of trainings."""
+    return study.runs / "without_learning.csv"
+
+
+class _Wanted(NamedTuple):
+    """Episodes that are to be known."""
+
+    file: Path
+    cell: Cell
+    seed: int
+    episodes: int
 
 
 def measure(study: Study, episodes: int, tell: Tell) -> None:
-    """Play the finished trainings of a study, as far as their policies have not been, and keep it.
+    """Play the policies of a study that are at their end, unless they have been, and keep it.
 
     Args:
         study: what was trained.
@@ -73,37 +115,58 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
     """
     file = fresh_file(study)
     check_folder(file.parent, "runs")
-    rows = _rows(file)
-    other = {int(float(row["episodes"])) for row in rows.values()} - {episodes}
+    rows = {kept: _rows(kept) for kept in (file, level_file(study))}
+    other = {int(float(row["episodes"])) for row in rows[file].values()} - {episodes}
     if other:
         raise RunError(
             f"{file}: is of {min(other)} episodes, not of {episodes}. Expected as many, or no such "
             "file: without it all is measured anew."
         )
-    waiting = [cell for cell in _finished(study) if _of_today(rows, cell) is None]
-    for cell in waiting:
+    wanted = [_Wanted(file, cell, FIRST_SEED, episodes) for cell in _finished(study)]
+    for cell in study.unlearnt:
+        its = cell.config.eval
+        wanted.append(_Wanted(level_file(study), cell, its.seed, its.episodes))
+    waiting = [each for each in wanted if _of_today(rows[each.file], each.cell) is None]
+    for cell in (each.cell for each in waiting if not each.cell.policy):
         check_unseen(FIRST_SEED, episodes, cell.config.to_json(), cell.config.folder)
     played_with = _commit()
-    for k, cell in enumerate(waiting):
-        folder = cell.config.folder
-        tell(k, len(waiting), folder.name)
-        own = {"robots": list(cell.config.robots)} if cell.config.robots else {}
-        player = Player.of(load(folder), **own)  # on the robots that it learnt with
-        envs = make_envs(player.env_id, player.make_args, episodes)
-        try:
-            actor = player.actor(envs.single_observation_space, envs.single_action_space)
-            found = evaluate(actor, envs, FIRST_SEED)
-        finally:
-            envs.close()
-        played = {"policy": policy_digest(folder), "commit": played_with}
-        played |= {column: repr(found[column]) for column in _MEASURED}
-        rows[folder.name] = {"run": folder.name} | played
-        table = [{"commit": ""} | rows[name] for name in sorted(rows)]
-        write(file, to_csv(_COLUMNS, table))
+    for k, each in enumerate(waiting):
+        name, its_rows = each.cell.config.folder.name, rows[each.file]
+        tell(k, len(waiting), name)
+        its_rows[name] = {"run": name, "commit": played_with} | _played(each)
+        table = [dict.fromkeys(_COLUMNS, "") | its_rows[run] for run in sorted(its_rows)]
+        write(each.file, to_csv(_COLUMNS, table))
 
 
-def kept(study: Study) -> tuple[dict[str, Columns], list[str]]:
-    """Return what is kept of the finished trainings of a study.
+def _played(wanted: _Wanted) -> dict[str, str]:
+    """Play what is to be known, and return it as columns of what is kept."""
+    player = Player.of_cell(wanted.cell)
+    envs = make_envs(player.env_id, player.make_args, wanted.episodes)
+    try:
+        actor = player.actor(envs.single_observation_space, envs.single_action_space)
+        episodes = play(envs, actor, wanted.episodes, wanted.seed, step_seconds(envs))
+    finally:
+        envs.close()
+    means = summary(episodes)
+    row = {"policy": policy_digest(wanted.cell)} | {name: repr(means[name]) for name in _MEASURED}
+    for column, name in _EACH.items() if wanted.episodes <= _MOST_KEPT else ():
+        row[f"{column}_each"] = " ".join(f"{value:.7g}" for value in getattr(episodes, name))
+    return row
+
+
+def levels(study: Study) -> dict[str, Played]:
+    """Return what policies that learn nothing do in evaluations of trainings, by the arm's folder.
+
+    Raises:
+        RunError: what is kept cannot be read.
+    """
+    rows = _rows(level_file(study))
+    known = {cell.config.folder.name: _of_today(rows, cell) for cell in study.unlearnt}
+    return {name: Played.of(row) for name, row in known.items() if row is not None}
+
+
+def kept(study: Study) -> tuple[dict[str, Played], list[str]]:
+    """Return what is kept of the policies of a study that are at their end.
 
     Returns:
         By the name of the run, of those whose policy is still the one that played; and warnings
@@ -118,7 +181,7 @@ def kept(study: Study) -> tuple[dict[str, Columns], list[str]]:
         name = cell.config.folder.name
         row = _of_today(rows, cell)
         if row is not None:
-            found[name] = {column: np.array([float(row[column])]) for column in _MEASURED}
+            found[name] = Played.of(row)
             commits.add(row.get("commit") or "unknown")
         elif name in rows:
             changed.append(name)
@@ -144,13 +207,13 @@ def _commit() -> str:
 
 
 def _finished(study: Study) -> list[Cell]:
-    return [cell for cell in study.cells if is_finished(cell.config)]
+    return [cell for arm in arms(study) for cell in arm.finished()]
 
 
 def _of_today(rows: dict[str, dict[str, str]], cell: Cell) -> dict[str, str] | None:
-    """Return the row of a training if its policy is still the one that was measured."""
+    """Return the row of a cell if its policy is still the one that was measured."""
     row = rows.get(cell.config.folder.name)
-    if row is None or row["policy"] != policy_digest(cell.config.folder):
+    if row is None or row["policy"] != policy_digest(cell):
         return None
     return row
 
@@ -160,8 +223,10 @@ def _rows(file: Path) -> dict[str, dict[str, str]]:
     rows = read_rows(file)
     try:
         for row in rows:
-            values = [float(row[column]) for column in _MEASURED]
-            if any(map(math.isinf, values)) or not float(row["episodes"]) >= 1.0:
+            played = Played.of(row)
+            values, episodes = [its.item() for its in played.means.values()], float(row["episodes"])
+            counts = {float(len(its)) for its in played.each.values()} - {episodes}
+            if any(map(math.isinf, values)) or not episodes >= 1.0 or counts:
                 raise ValueError("a number that is none")
         return {row["run"]: row for row in rows if row["policy"]}
     except (KeyError, TypeError, ValueError) as error:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from eval.clips import STARTS, Shown, legend
@@ -112,6 +113,9 @@ def _environment(
         "befores": [f"{capital(measure.label)} of the zero action" for measure in known[:2]],
         "strips": [_strips(measured, measure, colours) for measure in known],
         "timed": [arm for arm in measured if arm.steps_to],
+        "level": found.levels.get(env_id),
+        "levelled": [arm for arm in measured if arm.level_to],
+        "unlearnt": [arm for arm in measured if arm.policy],
         "judged": _against(found, arms, lambda arm: arm.versus),
         "played": played,
         "fresh": [
@@ -122,7 +126,7 @@ def _environment(
         "drawn": legend(env_id),
         "robustness": robustness,
         "areas": [] if robustness is None else areas(robustness),
-        "level": percent(CONFIDENCE),
+        "confidence": percent(CONFIDENCE),
         "stood": stood,
     }
 
@@ -133,6 +137,7 @@ def _curves(arms: Sequence[ArmFound], colours: Mapping[str, int]) -> list[Markup
         for axis, bands in (("steps", "by_steps"), ("wall", "by_wall")):
             its = [arm for arm in arms if measure.name in getattr(arm, bands)]
             if its:
+                its += [arm for arm in arms if arm.policy and arm.has(measure)]
                 drawn.append(_panel(its, measure, axis, bands, colours))
     return drawn
 
@@ -142,8 +147,14 @@ def _panel(
 ) -> Markup:
     pace, over_steps = Pace.of((arm.name, arm.most) for arm in arms), axis == "steps"
     scale, x_title, form = (1.0, pace.steps, steps) if over_steps else _clock(arms)
-    series = []
+    series: list[Series] = []
     for arm in arms:
+        if arm.policy:
+            longest = max(float(np.max(one.x)) for one in series)
+            its = arm.final[measure.name]
+            level = Series.constant(arm.name, colours[arm.name], longest, its)
+            series.append(pace.scaled(level, measure.name, over_steps=False))
+            continue
         begun = [cell for cell in arm.cells if cell.begun]
         singles = [(getattr(cell, axis), cell.curves[measure.name]) for cell in begun]
         band = getattr(arm, bands)[measure.name]
@@ -165,7 +176,8 @@ def _clock(arms: Sequence[ArmFound]) -> tuple[float, str, Form]:
 def _strips(arms: Sequence[ArmFound], measure: Measure, colours: Mapping[str, int]) -> Markup:
     name = measure.name
     return strips([
-        Strip(arm.name, colours[arm.name], arm.each[name], arm.final[name], arm.before[name])
+        Strip(arm.name, colours[arm.name], arm.each[name], arm.final[name],
+              arm.before.get(name, math.nan))
         for arm in arms if arm.has(measure)
     ], measure)  # fmt: skip
 
@@ -190,6 +202,8 @@ def _latest(cell: CellFound, measure: Measure) -> str:
 
 def _trained(arm: ArmFound) -> str:
     """Say after how many steps the numbers are, and how the unfinished trainings stand."""
+    if arm.policy:
+        return "evaluated" if arm.counted else "not played yet: --fresh-episodes"
     if arm.complete:
         return steps(arm.steps)
     others: dict[str, int] = {}
@@ -232,8 +246,8 @@ def lede(found: Findings) -> list[str]:
 
 def _came_to(name: str, arms: Sequence[ArmFound], reference: str) -> list[str]:
     measure = ERROR if any(arm.done and arm.has(ERROR) for arm in arms) else RETURN
-    known = [arm for arm in arms if arm.done and arm.has(measure)]
-    if not known:
+    known = [arm for arm in arms if arm.ready and arm.has(measure)]
+    if not any(arm.done for arm in known):
         return []
     order = sorted(known, key=lambda arm: -measure.better * arm.final[measure.name].value)
     parts = [f"{arm.name} {_value(arm, measure)}" for arm in order]

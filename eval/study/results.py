@@ -97,7 +97,8 @@ class Versus:
     probability: Estimate
     """That a run of the arm does better than one of the reference."""
     p_value: float
-    """Of the two-sided Mann-Whitney permutation test."""
+    """Of the two-sided Mann-Whitney permutation test; where one of the two learns nothing, of
+    `statistics.paired`."""
 
 
 @dataclass(frozen=True)
@@ -116,8 +117,23 @@ class Fresh:
 
 
 @dataclass(frozen=True)
+class Level:
+    """The best policy without learning of an environment: that with the highest return."""
+
+    name: str
+    """Of its arm."""
+    share: float
+    """Its return over the most that can be earned, where that is known, in the episodes that
+    trainings are evaluated in."""
+
+
+@dataclass(frozen=True)
 class ArmFound:
-    """An arm in an environment: its cells and what they say together."""
+    """An arm in an environment: its cells and what they say together.
+
+    One that learns nothing has no cells. What counts is its evaluation in the episodes that
+    trainings are evaluated in; the interval is over them, and each measure is one number.
+    """
 
     env_id: str
     name: str
@@ -147,6 +163,16 @@ class ArmFound:
     """By measure; empty for the reference and where either has no cell that is done."""
     fresh: Fresh | None = None
     """None where no cell that is done has played any."""
+    policy: str = ""
+    """What acts where nothing is learnt."""
+    level_to: dict[str, Crossing] = field(default_factory=dict)
+    """"steps", "wall" and "fallen" -> when the return first reaches the `Level`; empty where there
+    is none, and without falls where they were not counted."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether its numbers are those of an end."""
+        return bool(self.done or (self.policy and self.counted))
 
     @property
     def done(self) -> int:
@@ -187,10 +213,12 @@ class Answer:
     """Whether it is of fresh episodes; else of the last evaluations."""
     means: tuple[float, float]
     """Over the runs of the arm, and of that which it is set against."""
+    paired: bool
+    """Whether one of the two learns nothing, so that they are paired by episodes."""
     difference: Estimate
-    """Of the interquartile means, the arm's less the other's."""
+    """Of the interquartile means, the arm's less the other's; where paired of the means."""
     p_value: float
-    """Of the two-sided Mann-Whitney permutation test."""
+    """Of the two-sided Mann-Whitney permutation test, or of `statistics.paired`."""
     corrected: float
     """The same, corrected for the number of endpoints by Holm's method."""
 
@@ -209,7 +237,10 @@ class Findings:
     versions: dict[str, Any]
     """Of the first run that there is."""
     answers: list[Answer] = field(default_factory=list)
-    """To the endpoints, once both arms have trainings that are done."""
+    """To the endpoints, once both arms have trainings that are done; if one of them learns nothing,
+    once both have played fresh episodes."""
+    levels: dict[str, Level] = field(default_factory=dict)
+    """By environment."""
 
     def environments(self) -> dict[str, list[ArmFound]]:
         """Return the arms by environment."""

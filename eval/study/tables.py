@@ -1,26 +1,28 @@
 """The curves and the table of a study, for pages of docs/.
 
 Of an arm its finished cells count. Where none has finished, all count as far as they have come, and
-are said to be unfinished.
+are said to be unfinished. What learns nothing is shown by the episodes that trainings are
+evaluated in.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from eval.page.colours import colours_of
 from eval.page.figures import Series, panel, sheet
-from eval.results import greatest_return
+from eval.results import Estimate, greatest_return
+from eval.statistics import first_crossing
 from eval.study import fresh
 from eval.study.cells import curve, evaluations, exploring
+from eval.study.fresh import Played
 from eval.study.pace import Pace
 from eval.wording import capital, number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
 from train.runs.study import Arm, Study, arms, environment_name
 from train.runs.tables import to_csv
-from train.runs.training import is_finished
 
 _COLUMNS = ("env", "arm", "seed", "steps", "wall_seconds", "episodes", "return_mean", "return_q25",
             "return_q75", "survival", "velocity_error", "return_exploring")  # fmt: skip
@@ -38,6 +40,11 @@ def numbers(study: Study) -> str:
         for row in evaluations(run):
             until = bisect_right(trained, float(row["steps"]))
             rows.append({**known, **row, "return_exploring": means[until - 1] if until else ""})
+    for cell in study.unlearnt:
+        its = fresh.levels(study).get(cell.config.folder.name)
+        if its is not None:
+            row = dict.fromkeys(_COLUMNS, "") | {"env": cell.config.env, "arm": cell.arm}
+            rows.append(row | {name: value.item() for name, value in its.means.items()})
     return to_csv(_COLUMNS, rows)
 
 
@@ -46,11 +53,12 @@ def drawn(study: Study) -> str:
 
     Thick: the mean over seeds of the policy without noise, its band from the least seed to the
     greatest. Thin, beside returns: with the noise of exploration, which is what PPO climbs.
+    Straight: what learns nothing.
     """
     by_env: dict[str, list[Arm]] = {}
     for arm in arms(study):
         by_env.setdefault(arm.env, []).append(arm)
-    colour = colours_of(arm.name for arm in arms(study))
+    colour, levels = colours_of(arm.name for arm in arms(study)), fresh.levels(study)
     panels = []
     for env, its in by_env.items():
         pace = Pace.of((arm.name, _most(arm)) for arm in its)
@@ -58,6 +66,11 @@ def drawn(study: Study) -> str:
             own = [item for arm in its for item in _series(arm, column, colour[arm.name])]
             if own:
                 series = [pace.scaled(item, column) for item in own]
+                until = max(float(np.max(item.x)) for item in series)
+                for arm in (arm for arm in its if arm.cells[0].config.folder.name in levels):
+                    value = levels[arm.cells[0].config.folder.name].means[column].item()
+                    level = Series.constant(arm.name, colour[arm.name], until, Estimate(value))
+                    series.append(pace.scaled(level, column, over_steps=False))
                 what = capital(f"{pace.titled(title, column)}, {environment_name(env)}")
                 panels.append(panel(series, what, pace.steps, x_format=steps_text))
     if not panels:
@@ -93,27 +106,59 @@ _HEAD = ("Environment", "Arm", "Seeds", "Steps", "Velocity error (m/s)", "Surviv
 
 def table(study: Study) -> str:
     """Return what the arms came to, as Markdown: before -> after, (least to greatest seed)."""
-    played, _ = fresh.kept(study)
-    head = (*_HEAD, "Falls in fresh episodes") if played else _HEAD
+    (played, _), levels = fresh.kept(study), fresh.levels(study)
+    head = (*_HEAD, "Steps to the best return without training") if levels else _HEAD
+    head = (*head, "Falls in fresh episodes") if played else head
     lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     for arm in arms(study):
-        errors, survival, returns = (
-            curve(arm, name) for name in ("velocity_error", "survival", "return_mean")
-        )
-        finished = sum(is_finished(cell.config) for cell in arm.cells)
-        seeds = str(len(arm.cells))
-        if finished < len(arm.cells):
-            seeds = f"{finished} of {seeds} finished"
-        steps = steps_text(errors.steps[-1]) if len(errors.steps) else "none"
-        cells = [environment_name(arm.env), arm.name, seeds, steps]
-        cells += [_change(errors.values, _fine), _change(survival.values, percent)]
-        cells += [_change(returns.values, number)]
+        its = levels.get(arm.cells[0].config.folder.name)
+        cells = [environment_name(arm.env), arm.name]
+        cells += ["no training", "–", *_unlearnt(its)] if arm.policy else _trained(arm)
+        if levels:
+            cells.append("–" if arm.policy else _reaching(arm, study, levels))
         if played:
             runs = [cell.config.folder.name for cell in arm.cells]
-            its = [played[run] for run in runs if run in played]
-            cells.append(str(fresh.Falls.of(its)) if its else "–")
+            known = [played[run] for run in runs if run in played]
+            cells.append(str(fresh.Falls.of(known)) if known else "–")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _trained(arm: Arm) -> list[str]:
+    """Write seeds, steps, and what they came to."""
+    errors, survival, returns = (
+        curve(arm, name) for name in ("velocity_error", "survival", "return_mean")
+    )
+    finished, seeds = len(arm.finished()), str(len(arm.cells))
+    if finished < len(arm.cells):
+        seeds = f"{finished} of {seeds} finished"
+    steps = steps_text(errors.steps[-1]) if len(errors.steps) else "none"
+    cells = [seeds, steps, _change(errors.values, _fine), _change(survival.values, percent)]
+    return [*cells, _change(returns.values, number)]
+
+
+def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
+    """Write when the return first reaches that of the best that learns nothing, median of seeds."""
+    shares = [
+        levels[other.cells[0].config.folder.name].means["return_mean"].item() / _most(other)
+        for other in arms(study)
+        if other.env == arm.env and other.cells[0].config.folder.name in levels
+    ]
+    steps, returns = curve(arm, "return_mean")
+    if not shares or not returns.size:
+        return "–"
+    each = [first_crossing(steps, its / _most(arm), max(shares)) for its in returns]
+    reached, median = np.isfinite(each).sum(), np.median(each)
+    some = f" ({reached} of {len(each)})" if 0 < reached < len(each) else ""
+    return (steps_text(median) if np.isfinite(median) else "never") + some
+
+
+def _unlearnt(its: Played | None) -> list[str]:
+    """Write the same of what learns nothing; there is no before and after."""
+    forms = {"velocity_error": _fine, "survival": percent, "return_mean": number}
+    values = {name: np.nan if its is None else its.means[name].item() for name in forms}
+    known = {name: np.isfinite(value) for name, value in values.items()}
+    return [forms[name](values[name]) if known[name] else "–" for name in forms]
 
 
 def _fine(value: float) -> str:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from eval import statistics as st
 from eval.results import Estimate
@@ -115,3 +116,30 @@ def test_corrected_p_values_are_wrong_no_more_often_than_they_say(rng):
     drawn = rng.random((4000, 3))
     wrong = np.mean([min(st.holm(p)) <= 0.05 for p in drawn])
     assert 0.035 < wrong < 0.06
+
+
+def test_runs_are_set_against_one_policy_over_runs_and_episodes(rng):
+    """Of two policies it is the paired t-test; with no chance in the episodes that of the runs."""
+    x, y = rng.normal(size=(2, 30))
+    found, p = st.paired(x, y, 0.9)
+    test = stats.ttest_rel(x, y)
+    assert p == pytest.approx(test.pvalue)
+    assert (found.low, found.high) == pytest.approx(tuple(test.confidence_interval(0.9)))
+    runs = rng.normal(size=6)
+    found, p = st.paired(y, y - runs[:, None], 0.95)
+    assert (found.value, p) == pytest.approx((runs.mean(), stats.ttest_1samp(runs, 0.0).pvalue))
+    assert st.paired(y, y, 0.95) == (Estimate(0.0, 0.0, 0.0), 1.0)
+    assert st.paired(y[None] + 1.0, y, 0.95) == (Estimate(pytest.approx(1.0)), 1.0)
+
+
+@pytest.mark.parametrize(("of_runs", "of_episodes"), [(1.0, 0.1), (0.3, 1.0), (0.1, 3.0), (0, 0)])
+def test_runs_that_are_no_better_are_seldom_said_to_be(of_runs, of_episodes, rng):
+    """Runs, episodes and what is left of both vary; 5 % of the intervals may miss nothing."""
+    missed, tries = 0, 400
+    for _ in range(tries):
+        shared = rng.normal(size=40)
+        x = shared + of_runs * rng.normal(size=(5, 1)) + of_episodes * rng.normal(size=40)
+        found, p = st.paired(x + rng.normal(size=(5, 40)), shared, 0.95)
+        assert (p < 0.05) == (not found.low <= 0.0 <= found.high)
+        missed += p < 0.05
+    assert missed <= 32  # more has a chance of 0.3 % at 5 %

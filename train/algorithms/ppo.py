@@ -17,6 +17,7 @@ from train.algorithms.algorithm import (
     torch_threads,
 )
 from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
+from train.algorithms.mirrored import mirror_in
 from train.runs.config import PPOConfig, TrainConfig
 
 _METRICS = {
@@ -41,6 +42,7 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
         batch_size=config.batch_size,
         learning_rate=learning_rate(own),
         device="cpu",
+        **(mirror_in(env) if own.mirror else {}),
         policy_kwargs={
             "net_arch": list(own.hidden),
             "activation_fn": ACTIVATIONS[own.activation],

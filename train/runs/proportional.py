@@ -9,6 +9,8 @@ Over the body's view it is a law in each robot's own units: K counts in sqrt(g /
 of a robot whose centre of mass is 0.27 m high.
 
     fbid-gym eval proportional:4/QuadrupedWalk-v0/base_acceleration/body --robot zoo:quadruped:7
+
+An arm of a study may act by it, or by the zero action, instead of a training.
 """
 
 from collections.abc import Mapping
@@ -25,6 +27,9 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Choice, Number
 from fbid_gym.policy import Policy
 from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
+
+ZERO = "zero"
+"""Names the zero action."""
 
 PREFIX = "proportional:"
 """What a name begins with; then come the gain, and with a policy's name environment and layer."""
@@ -59,8 +64,7 @@ def matrix_of(batch: EnvBatch, gain: float) -> np.ndarray:
     # A layer of the user's need not say.
     entries = getattr(batch.layer, "per_acceleration", None)
     if entries is None:
-        expected = "one whose action moves the body, such as base_acceleration"
-        raise InvalidValueError("layer of a proportional law", batch.config.action_layer, expected)
+        raise _moves_no_body(batch.config.action_layer)
     matrix = np.zeros((len(batch.action_names), len(names)))
     size = batch.robot.gravity if own else 1.0
     for row, lack in enumerate(lacks):
@@ -100,11 +104,31 @@ def gain_of(name: str) -> float:
     """Return the gain of a law `proportional:GAIN`; InvalidValueError for another name."""
     text = name.removeprefix(PREFIX)
     if text == name:
-        raise InvalidValueError("policy", name, f"{PREFIX}GAIN, such as {PREFIX}24")
+        raise InvalidValueError("policy", name, f"{ZERO}, or {PREFIX}GAIN such as {PREFIX}24")
     try:
         return GAIN.check("gain of a proportional law", float(text))
     except ValueError as error:
         raise InvalidValueError("gain of a proportional law", text, GAIN.words) from error
+
+
+def check_unlearnt(policy: str, layer: str) -> None:
+    """Raise InvalidValueError unless a policy without learning can act through a layer.
+
+    Args:
+        policy: "zero", or `proportional:GAIN`.
+        layer: action layer; one of the user's is asked when it plays.
+    """
+    if policy == ZERO:
+        return
+    gain_of(policy)
+    built = getattr(LAYERS.get(layer), "__self__", None)
+    if built is not None and not hasattr(built, "per_acceleration"):
+        raise _moves_no_body(layer)
+
+
+def _moves_no_body(layer: str) -> InvalidValueError:
+    expected = "one whose action moves the body, such as base_acceleration"
+    return InvalidValueError("layer of a proportional law", layer, expected)
 
 
 def named(path: Path) -> Policy | None:

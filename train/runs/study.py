@@ -28,6 +28,12 @@
     algorithm = "sac"                        # that learns; "ppo" where it is not said
     total_steps = 5_000_000                  # any setting of a recipe, for this arm
 
+    [[arms]]
+    name = "gain"
+    env = "fbid_gym/QuadrupedWalk-v0"
+    action_layer = "base_acceleration"
+    policy = "proportional:24"               # or "zero": nothing is learnt, so there are no seeds
+
 What a study does not say is as the recipe of the environment has it; what it says of an algorithm
 for every arm is for those that learn by it. Each arm with each of its seeds is a *cell*: a training
 with a run folder of its own, in a folder named after the study.
@@ -48,27 +54,33 @@ from train.runs.endpoints import Endpoint, check_registered, endpoints
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.opening import continued
-from train.runs.proportional import GAIN
+from train.runs.proportional import GAIN, check_unlearnt
 from train.runs.robots import chosen, with_robot, with_robots
+from train.runs.training import is_finished
 
+_OF_LEARNING = ("robots", "seeds", "recipe", "algorithm")
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
-    *("robot", "feet", "robots", "seeds", "recipe", "algorithm"),
+    *("robot", "feet", "policy", *_OF_LEARNING),
 )
 _REQUIRED = ("name", "env", "action_layer")
 
 
 class Cell(NamedTuple):
-    """One training of a study."""
+    """One training of a study, or a policy that learns nothing."""
 
     arm: str
     """Name of the arm."""
     config: TrainConfig
+    """Of what learns nothing: where it acts, and how it is evaluated."""
+    policy: str = ""
+    """"zero" or `proportional:GAIN` where nothing is learnt."""
 
     @property
     def name(self) -> str:
         """For people."""
-        return f"{environment_name(self.config.env)}, {self.arm}, seed {self.config.seed}"
+        seed = "" if self.policy else f", seed {self.config.seed}"
+        return f"{environment_name(self.config.env)}, {self.arm}{seed}"
 
 
 class Transfer(NamedTuple):
@@ -89,6 +101,15 @@ class Arm(NamedTuple):
     name: str
     cells: tuple[Cell, ...]
 
+    @property
+    def policy(self) -> str:
+        """That of its only cell where nothing is learnt, else empty."""
+        return self.cells[0].policy
+
+    def finished(self) -> list[Cell]:
+        """Return the cells that are at their end; what learns nothing always is."""
+        return [cell for cell in self.cells if cell.policy or is_finished(cell.config)]
+
 
 @dataclass(frozen=True)
 class Study:
@@ -102,6 +123,7 @@ class Study:
         cells: the trainings, seed by seed: what has been interrupted has some of every arm.
         endpoints: what it is asked.
         transfer: on which robots the policies are played besides; None: on none.
+        unlearnt: the cells of arms that learn nothing.
     """
 
     name: str
@@ -111,6 +133,7 @@ class Study:
     cells: tuple[Cell, ...]
     endpoints: tuple[Endpoint, ...] = ()
     transfer: Transfer | None = None
+    unlearnt: tuple[Cell, ...] = ()
 
     @property
     def runs(self) -> Path:
@@ -148,26 +171,32 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     if runs is not None and not _is_name(runs):
         raise RunError(f"{path}: runs is {runs!r}. Expected the name of a folder beside it.")
     out = out or (Path("runs") / path.stem if runs is None else path.parent / runs)
-    cells = [cell for arm in arms for cell in _cells(path, arm, data, seeds, out)]
-    folders = [cell.config.folder for cell in cells]
-    for cell in cells:
-        if folders.count(cell.config.folder) > 1:
+    every = [cell for arm in arms for cell in _cells(path, arm, data, seeds, out)]
+    cells, unlearnt = ([x for x in every if bool(x.policy) is no] for no in (False, True))
+    if not cells:
+        raise RunError(f"{path}: has no arm that learns. Expected one at least.")
+    folders = [cell.config.folder for cell in every]
+    learning = {(cell.config.env, cell.arm) for cell in cells}
+    for cell in every:
+        both = bool(cell.policy) and (cell.config.env, cell.arm) in learning
+        if both or folders.count(cell.config.folder) > 1:
             raise RunError(f"{path}: {cell.name} is there twice. Expected each cell once.")
-    names = [cell.arm for cell in cells]
+    names = [cell.arm for cell in every]
     reference = names[0] if reference is None else reference
     if reference not in names:
         raise UnknownOptionError("reference of the study", reference, dict.fromkeys(names))
     if not _is_name(page):
         raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
-    asked = endpoints(path, asked, [(cell.config.env, cell.arm) for cell in cells])
+    asked = endpoints(path, asked, [(cell.config.env, cell.arm) for cell in every])
     cells.sort(key=lambda cell: cell.config.seed)
-    return Study(path.stem, str(title), reference, page, tuple(cells), asked, transfer)
+    own = tuple(cells), asked, transfer, tuple(unlearnt)
+    return Study(path.stem, str(title), reference, page, *own)
 
 
 def arms(study: Study) -> list[Arm]:
-    """Return the arms of a study in the order of its file."""
+    """Return the arms of a study in the order of its file, those that learn nothing at the end."""
     found: dict[tuple[str, str], list[Cell]] = {}
-    for cell in study.cells:
+    for cell in (*study.cells, *study.unlearnt):
         found.setdefault((cell.config.env, cell.arm), []).append(cell)
     return [Arm(env, name, tuple(cells)) for (env, name), cells in found.items()]
 
@@ -215,7 +244,8 @@ def _cells(
         if name not in SETTINGS:
             raise UnknownOptionError(f"setting of arm {arm['name']!r}", name, _OF_ARM + SETTINGS)
     check(f"arm {arm['name']!r}", own, valid_settings())
-    seeds = arm.get("seeds", seeds)
+    policy = _policy(path, arm, own)
+    seeds = [0] if policy else arm.get("seeds", seeds)
     if not isinstance(seeds, list) or not seeds:
         raise RunError(f"{path}: seeds of arm {arm['name']!r} are {seeds!r}. Expected a list.")
     seeds = [SEED.check(f"seed of arm {arm['name']!r}", seed) for seed in seeds]
@@ -253,8 +283,9 @@ def _cells(
                 robots=robots,
                 seed=seed,
                 num_threads=1,
-                out=out / f"{place}-s{seed}",
+                out=out / (place if policy else f"{place}-s{seed}"),
             ),
+            policy,
         )
         for seed in seeds
     ]
@@ -278,6 +309,20 @@ def _names(path: Path, given: Any, what: str) -> tuple[str, ...]:
     if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
         raise RunError(f"{path}: {what} are {given!r}. Expected a list of names.")
     return tuple(given)
+
+
+def _policy(path: Path, arm: Mapping[str, Any], own: Mapping[str, Any]) -> str:
+    """Return what acts in an arm that learns nothing; empty for another."""
+    policy = arm.get("policy", "")
+    if not isinstance(policy, str):
+        raise RunError(f"{path}: policy of arm {arm['name']!r} is {policy!r}. Expected a name.")
+    if "policy" not in arm:
+        return ""
+    for name in (*own, *(name for name in _OF_LEARNING if name in arm)):
+        expected = f"none beside policy {policy!r}, which learns nothing"
+        raise InvalidValueError(f"setting of arm {arm['name']!r}", name, expected)
+    check_unlearnt(policy, arm["action_layer"])
+    return policy
 
 
 def _with(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:

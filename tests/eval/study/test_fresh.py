@@ -54,7 +54,8 @@ def test_fresh_episodes_are_those_of_a_rollout_and_are_played_once(played):
             ("return_mean", episodes.returned),
             ("velocity_error", episodes.velocity_error),
         ):
-            assert its[column].item() == pytest.approx(values.mean(), rel=1e-12)
+            assert its.means[column].item() == pytest.approx(values.mean(), rel=1e-12)
+            np.testing.assert_allclose(its.each[column], values, rtol=1e-6)
         falls.append(3 - int(episodes.survived.sum()))
     assert sorted(falls) == [0, 3]
     assert Falls.of(list(found.values())) == Falls(3, 6) and str(Falls(12, 3456)) == "12 of 3,456"

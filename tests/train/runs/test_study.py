@@ -19,7 +19,7 @@ from train.runs.command_line import command, parse
 from train.runs.endpoints import register
 from train.runs.opening import open_run
 from train.runs.robots import with_robots
-from train.runs.study import check_cells, read_study
+from train.runs.study import arms, check_cells, read_study
 from train.runs.training import training_job
 from train.sweep import SweepConfig, main, standing, unfinished
 
@@ -27,6 +27,7 @@ STUDIES = sorted((Path(__file__).parents[3] / "studies").glob("*.toml"))
 WALK = "fbid_gym/QuadrupedWalk-v0"
 ARM = f'[[arms]]\nname = "a"\nenv = "{WALK}"\naction_layer = "torque"\n'
 SECOND = ARM.replace('"a"', '"b"')
+ZERO = ARM.replace('"a"', '"z"') + 'policy = "zero"\n'
 
 
 def write(folder, text):
@@ -137,11 +138,41 @@ def test_arms_may_say_what_learns_and_on_which_robot(tmp_path):
         (f"{ARM}sac = {{ tau = 0.1 }}", "setting of arm 'a': 'sac'. Expected those of 'ppo'"),
         (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: balance, walk, none."),
         (ARM.replace('"a"', '"../a"'), "arm '../a' cannot name a folder."),
+        (f"{ZERO}ppo = {{ gamma = 0.9 }}", "'ppo'. Expected none beside policy 'zero', which"),
+        (f"{ZERO}seeds = [0]", "'seeds'. Expected none beside policy 'zero', which learns nothing"),
+        (ZERO.replace("zero", "best"), "Invalid policy: 'best'. Expected zero, or proportional:"),
+        (ZERO.replace("zero", ""), "Invalid policy: ''. Expected zero, or proportional:GAIN"),
+        (ZERO.replace('"zero"', "3"), "policy of arm 'z' is 3. Expected a name."),
+        (ZERO.replace("zero", "proportional:x"), "gain of a proportional law: 'x'. Expected a num"),
+        (ZERO.replace("zero", "proportional:6"), "Invalid layer of a proportional law: 'torque'"),
+        (ZERO, "has no arm that learns. Expected one at least."),
+        (f"{ARM}{ZERO}{ZERO}", "QuadrupedWalk-v0, z is there twice. Expected each cell once."),
+        (ARM + ZERO.replace('"z"', '"a"'), "QuadrupedWalk-v0, a is there twice."),
     ],
 )
 def test_what_is_wrong_with_a_study_is_said(text, message, tmp_path):
     with pytest.raises(FbidError, match=re.escape(message)):
         read_study(write(tmp_path, text))
+
+
+def test_an_arm_may_learn_nothing(tmp_path):
+    """It is an arm as the others, that may be the reference and asked about, and is not trained."""
+    law = ZERO.replace('"z"', '"k"').replace("torque", "com_wrench")
+    text = f'reference = "z"\nseeds = [0, 1]\neval = {{ episodes = 7 }}\n{ZERO}{ARM}'
+    text += law.replace("zero", "proportional:24") + ENDPOINT.replace('"b"', '"k"')
+    study = read_study(write(tmp_path, text), tmp_path)
+    assert [cell.arm for cell in study.cells] == ["a", "a"] and study.reference == "z"
+    assert [(cell.arm, cell.policy) for cell in study.unlearnt] == [
+        ("z", "zero"),
+        ("k", "proportional:24"),
+    ]
+    assert [(arm.name, len(arm.cells), arm.policy) for arm in arms(study)] == [
+        ("a", 2, ""),
+        ("z", 1, "zero"),
+        ("k", 1, "proportional:24"),
+    ]
+    assert study.unlearnt[0].config.eval.episodes == 7
+    assert (standing(study).row_count, study.endpoints[0].against) == (2, "k")
 
 
 def test_a_dry_run_shows_where_the_study_stands_and_trains_nothing(tmp_path, capsys):
