@@ -41,18 +41,19 @@ def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) 
         which: (N,) bool, robots to go on with.
         belief: updated.
     """
+    line = np.empty(belief.covariance.shape[1])
     for i in range(len(which)):
         if which[i] and not belief.lost[i]:
-            _predict(own, readings, belief, i)
+            _predict(own, readings, belief, line, i)
 
 
 @compiled
-def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
+def _predict(own: Filter, readings: Readings, belief: Belief, line: np.ndarray, i: int) -> None:
+    """Go on with one robot; `line` is a buffer."""
     middle = midway(own, readings, belief, i)
     belief.age[i] += 1
     if belief.age[i] >= own.every:
-        velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
-        _spread(own, middle, velocity, position, belief, i)
+        _spread(own, middle, belief, line, i)
     integrate(own, readings, belief, middle, i)
 
 
@@ -82,23 +83,30 @@ def integrate(own: Filter, readings: Readings, belief: Belief, middle: Rotation,
 
 
 @compiled
-def _spread(
-    own: Filter, middle: Rotation, velocity: Vector, position: Vector, belief: Belief, i: int
-) -> None:
-    """Take the covariance to the next correction: Phi P Phi^T + Q, see the equations above."""
+def _spread(own: Filter, middle: Rotation, belief: Belief, line: np.ndarray, i: int) -> None:
+    """Take the covariance P to the next correction: Phi P Phi^T + Q, see the equations above.
+
+    P is symmetric, and of feet in the air there are but zeros. First each row becomes that of
+    (Phi P)^T, then each column that of Phi (Phi P)^T, down to the diagonal; the rest mirrors it.
+    """
     covariance, dt = belief.covariance[i], own.every * own.tick
-    size, foot, standing = len(covariance), belief.foot[i], belief.standing[i]
-    still = (0.0, 0.0, 0.0)
+    size, standing, still = len(line), belief.standing[i], (0.0, 0.0, 0.0)
     for k in range(size):
-        _flow(own, middle, velocity, position, foot, standing, still, covariance, k)
+        if k < D or standing[(k - D) // 3]:
+            for j in range(size):
+                line[j] = covariance[k, j]
+            _flow(own, middle, still, belief, line, size, i)
+            for j in range(size):
+                covariance[k, j] = line[j]
     for k in range(size):
-        for j in range(k):
-            # The rows are done: the same for the columns, by way of the transposed.
-            covariance[k, j], covariance[j, k] = covariance[j, k], covariance[k, j]
-    for k in range(size):
-        # The gyroscope's noise comes in as its bias does, but is no part of it.
-        noise = scale(own.turning, _turned(velocity, position, foot, standing, k))
-        _flow(own, middle, velocity, position, foot, standing, noise, covariance, k)
+        if k < D or standing[(k - D) // 3]:
+            for j in range(size):
+                line[j] = covariance[j, k]
+            # The gyroscope's noise comes in as its bias does, but is no part of it.
+            noise = scale(own.turning, _turned(belief, i, k))
+            _flow(own, middle, noise, belief, line, k + 1, i)
+            for j in range(k + 1):
+                covariance[j, k], covariance[k, j] = line[j], line[j]
     for axis in range(3):
         covariance[V + axis, V + axis] += own.pushing
         covariance[V + axis, P + axis] += 0.5 * dt * own.pushing
@@ -106,26 +114,23 @@ def _spread(
         covariance[P + axis, P + axis] += dt * dt / 3.0 * own.pushing
         covariance[BG + axis, BG + axis] += own.gyroscope_drift
         covariance[BA + axis, BA + axis] += own.accelerometer_drift
-        for one in range(len(standing)):
-            if standing[one]:
-                place = D + 3 * one + axis
+        for foot in range(len(standing)):
+            if standing[foot]:
+                place = D + 3 * foot + axis
                 covariance[place, place] += own.slipping
 
 
 @compiled
-def _turned(
-    velocity: Vector, position: Vector, foot: np.ndarray, standing: np.ndarray, k: int
-) -> Vector:
+def _turned(belief: Belief, i: int, k: int) -> Vector:
     """What a turn of the unit takes from error k, per rad: row k of -(1, [v], [p], [d])."""
-    part, axis = k // 3, k % 3
+    foot, axis = (k - D) // 3, k % 3
     own = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
     if k < V:
         return scale(-1.0, own)
     if k < BG:
-        return cross(velocity if k < P else position, own)
-    one = part - D // 3
-    if one >= 0 and standing[one]:
-        return cross(vector(foot, (one,)), own)
+        return cross(vector(belief.velocity if k < P else belief.position, (i,)), own)
+    if k >= D and belief.standing[i, foot]:
+        return cross(vector(belief.foot, (i, foot)), own)
     return (0.0, 0.0, 0.0)
 
 
@@ -133,41 +138,32 @@ def _turned(
 def _flow(
     own: Filter,
     middle: Rotation,
-    velocity: Vector,
-    position: Vector,
-    foot: np.ndarray,
-    standing: np.ndarray,
     noise: Vector,
-    covariance: np.ndarray,
-    k: int,
+    belief: Belief,
+    line: np.ndarray,
+    count: int,
+    i: int,
 ) -> None:
-    """Apply Phi to column k of a matrix; `noise` is added to what the gyroscope's bias turns."""
+    """Apply Phi to a vector of errors `line`, of which no more than `count` entries are wanted.
+
+    `noise` is added to what the gyroscope's bias turns.
+    """
     dt = own.every * own.tick
-    turned = _column(covariance, R, k)
-    bias = add(scale(dt, turn(middle, _column(covariance, BG, k))), noise)
-    pushed = scale(dt, turn(middle, _column(covariance, BA, k)))
-    moved = _column(covariance, V, k)
+    turned, moved = vector(line, (), R), vector(line, (), V)
+    bias = add(scale(dt, turn(middle, vector(line, (), BG))), noise)
+    store(subtract(turned, bias), line, (), R)
+    if count <= V:
+        return
+    pushed = scale(dt, turn(middle, vector(line, (), BA)))
     # [g] xi with g = (0, 0, -gravity).
     fall = (own.gravity * turned[1], -own.gravity * turned[0], 0.0)
-    place = add(_column(covariance, P, k), scale(dt, moved))
-    place = add(place, scale(0.5 * dt * dt, fall))
-    place = subtract(place, scale(0.5 * dt, pushed))
-    _store_column(subtract(place, cross(position, bias)), covariance, P, k)
+    place = add(vector(line, (), P), scale(dt, moved))
+    place = subtract(add(place, scale(0.5 * dt * dt, fall)), scale(0.5 * dt, pushed))
+    store(subtract(place, cross(vector(belief.position, (i,)), bias)), line, (), P)
     moved = subtract(add(moved, scale(dt, fall)), pushed)
-    _store_column(subtract(moved, cross(velocity, bias)), covariance, V, k)
-    _store_column(subtract(turned, bias), covariance, R, k)
-    for one in range(len(standing)):
-        if standing[one]:
-            row = D + 3 * one
-            held = subtract(_column(covariance, row, k), cross(vector(foot, (one,)), bias))
-            _store_column(held, covariance, row, k)
-
-
-@compiled
-def _column(values: np.ndarray, row: int, k: int) -> Vector:
-    return values[row, k], values[row + 1, k], values[row + 2, k]
-
-
-@compiled
-def _store_column(a: Vector, values: np.ndarray, row: int, k: int) -> None:
-    values[row, k], values[row + 1, k], values[row + 2, k] = a
+    store(subtract(moved, cross(vector(belief.velocity, (i,)), bias)), line, (), V)
+    for foot in range((count - D + 2) // 3):
+        if belief.standing[i, foot]:
+            row = D + 3 * foot
+            held = cross(vector(belief.foot, (i, foot)), bias)
+            store(subtract(vector(line, (), row), held), line, (), row)
