@@ -41,20 +41,13 @@ def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) 
         which: (N,) bool, robots to go on with.
         belief: updated.
     """
-    line = np.empty(belief.covariance.shape[1])
     for i in range(len(which)):
         if which[i] and not belief.lost[i]:
-            _predict(own, readings, belief, line, i)
-
-
-@compiled
-def _predict(own: Filter, readings: Readings, belief: Belief, line: np.ndarray, i: int) -> None:
-    """Go on with one robot; `line` is a buffer."""
-    middle = midway(own, readings, belief, i)
-    belief.age[i] += 1
-    if belief.age[i] >= own.every:
-        _spread(own, middle, belief, line, i)
-    integrate(own, readings, belief, middle, i)
+            middle = midway(own, readings, belief, i)
+            belief.age[i] += 1
+            if belief.age[i] >= own.every:
+                _spread(own, middle, belief, i)
+            integrate(own, readings, belief, middle, i)
 
 
 @compiled
@@ -83,30 +76,49 @@ def integrate(own: Filter, readings: Readings, belief: Belief, middle: Rotation,
 
 
 @compiled
-def _spread(own: Filter, middle: Rotation, belief: Belief, line: np.ndarray, i: int) -> None:
+def _spread(own: Filter, middle: Rotation, belief: Belief, i: int) -> None:
     """Take the covariance P to the next correction: Phi P Phi^T + Q, see the equations above.
 
     P is symmetric, and of feet in the air there are but zeros. First each row becomes that of
     (Phi P)^T, then each column that of Phi (Phi P)^T, down to the diagonal; the rest mirrors it.
     """
     covariance, dt = belief.covariance[i], own.every * own.tick
-    size, standing, still = len(line), belief.standing[i], (0.0, 0.0, 0.0)
+    size, standing, feet = len(covariance), belief.standing[i], belief.foot[i]
+    velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
+    middle = scale(dt, middle[0]), scale(dt, middle[1]), scale(dt, middle[2])
     for k in range(size):
         if k < D or standing[(k - D) // 3]:
-            for j in range(size):
-                line[j] = covariance[k, j]
-            _flow(own, middle, still, belief, line, size, i)
-            for j in range(size):
-                covariance[k, j] = line[j]
+            bias = turn(middle, vector(covariance, (k,), BG))
+            pushed = turn(middle, vector(covariance, (k,), BA))
+            turned, moved = vector(covariance, (k,), R), vector(covariance, (k,), V)
+            rows = turned, moved, vector(covariance, (k,), P)
+            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            store(turned, covariance, (k,), R)
+            store(moved, covariance, (k,), V)
+            store(place, covariance, (k,), P)
+            for foot in range(len(standing)):
+                if standing[foot]:
+                    row = D + 3 * foot
+                    held = cross(vector(feet, (foot,)), bias)
+                    store(subtract(vector(covariance, (k,), row), held), covariance, (k,), row)
     for k in range(size):
         if k < D or standing[(k - D) // 3]:
-            for j in range(size):
-                line[j] = covariance[j, k]
             # The gyroscope's noise comes in as its bias does, but is no part of it.
-            noise = scale(own.turning, _turned(belief, i, k))
-            _flow(own, middle, noise, belief, line, k + 1, i)
-            for j in range(k + 1):
-                covariance[j, k], covariance[k, j] = line[j], line[j]
+            noise = scale(own.turning, _turned(velocity, position, feet, k))
+            bias = add(turn(middle, _column(covariance, BG, k)), noise)
+            pushed = turn(middle, _column(covariance, BA, k))
+            rows = _column(covariance, R, k), _column(covariance, V, k), _column(covariance, P, k)
+            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            _store_both(turned, covariance, R, k)
+            _store_both(moved, covariance, V, k)
+            _store_both(place, covariance, P, k)
+            for foot in range((k - D + 3) // 3):
+                if standing[foot]:
+                    row = D + 3 * foot
+                    held = cross(vector(feet, (foot,)), bias)
+                    _store_both(subtract(_column(covariance, row, k), held), covariance, row, k)
+            for row in range(BG, min(k, D)):
+                covariance[k, row] = covariance[row, k]
     for axis in range(3):
         covariance[V + axis, V + axis] += own.pushing
         covariance[V + axis, P + axis] += 0.5 * dt * own.pushing
@@ -116,54 +128,55 @@ def _spread(own: Filter, middle: Rotation, belief: Belief, line: np.ndarray, i: 
         covariance[BA + axis, BA + axis] += own.accelerometer_drift
         for foot in range(len(standing)):
             if standing[foot]:
-                place = D + 3 * foot + axis
-                covariance[place, place] += own.slipping
+                row = D + 3 * foot + axis
+                covariance[row, row] += own.slipping
 
 
 @compiled
-def _turned(belief: Belief, i: int, k: int) -> Vector:
+def _turned(velocity: Vector, position: Vector, feet: np.ndarray, k: int) -> Vector:
     """What a turn of the unit takes from error k, per rad: row k of -(1, [v], [p], [d])."""
-    foot, axis = (k - D) // 3, k % 3
+    axis = k % 3
     own = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
     if k < V:
         return scale(-1.0, own)
     if k < BG:
-        return cross(vector(belief.velocity if k < P else belief.position, (i,)), own)
-    if k >= D and belief.standing[i, foot]:
-        return cross(vector(belief.foot, (i, foot)), own)
+        return cross(velocity if k < P else position, own)
+    if k >= D:
+        return cross(vector(feet, ((k - D) // 3,)), own)
     return (0.0, 0.0, 0.0)
 
 
 @compiled
 def _flow(
-    own: Filter,
-    middle: Rotation,
-    noise: Vector,
-    belief: Belief,
-    line: np.ndarray,
-    count: int,
-    i: int,
-) -> None:
-    """Apply Phi to a vector of errors `line`, of which no more than `count` entries are wanted.
+    gravity: float,
+    dt: float,
+    velocity: Vector,
+    position: Vector,
+    bias: Vector,
+    pushed: Vector,
+    before: Rotation,
+) -> Rotation:
+    """Apply Phi to the errors of rotation, velocity and place, three vectors.
 
-    `noise` is added to what the gyroscope's bias turns.
+    `bias` and `pushed` are what the biases of gyroscope and accelerometer come to in that time.
     """
-    dt = own.every * own.tick
-    turned, moved = vector(line, (), R), vector(line, (), V)
-    bias = add(scale(dt, turn(middle, vector(line, (), BG))), noise)
-    store(subtract(turned, bias), line, (), R)
-    if count <= V:
-        return
-    pushed = scale(dt, turn(middle, vector(line, (), BA)))
+    turned, moved, place = before
     # [g] xi with g = (0, 0, -gravity).
-    fall = (own.gravity * turned[1], -own.gravity * turned[0], 0.0)
-    place = add(vector(line, (), P), scale(dt, moved))
-    place = subtract(add(place, scale(0.5 * dt * dt, fall)), scale(0.5 * dt, pushed))
-    store(subtract(place, cross(vector(belief.position, (i,)), bias)), line, (), P)
-    moved = subtract(add(moved, scale(dt, fall)), pushed)
-    store(subtract(moved, cross(vector(belief.velocity, (i,)), bias)), line, (), V)
-    for foot in range((count - D + 2) // 3):
-        if belief.standing[i, foot]:
-            row = D + 3 * foot
-            held = cross(vector(belief.foot, (i, foot)), bias)
-            store(subtract(vector(line, (), row), held), line, (), row)
+    fall = (gravity * turned[1], -gravity * turned[0], 0.0)
+    place = add(add(place, scale(dt, moved)), scale(0.5 * dt * dt, fall))
+    place = subtract(subtract(place, scale(0.5 * dt, pushed)), cross(position, bias))
+    moved = subtract(subtract(add(moved, scale(dt, fall)), pushed), cross(velocity, bias))
+    return subtract(turned, bias), moved, place
+
+
+@compiled
+def _column(values: np.ndarray, row: int, k: int) -> Vector:
+    return values[row, k], values[row + 1, k], values[row + 2, k]
+
+
+@compiled
+def _store_both(a: Vector, values: np.ndarray, row: int, k: int) -> None:
+    """Write to column k of a symmetric matrix, down to the diagonal, and to row k."""
+    for axis in range(3):
+        if row + axis <= k:
+            values[row + axis, k], values[k, row + axis] = a[axis], a[axis]

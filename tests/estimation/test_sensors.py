@@ -106,11 +106,11 @@ def test_errors_are_by_how_much_robots_were_moved(rng):
     heading, tilt = rng.uniform(-3.0, 3.0, 20), rng.uniform(0.0, 1.0, 20)
     aside, shift, speed = rng.standard_normal((3, 20, 3))
     axis = aside * [1.0, 1.0, 0.0] / np.linalg.norm(aside[:, :2], axis=1)[:, None]
-    turned = Rotation.from_euler("z", heading) * Rotation.from_rotvec(tilt[:, None] * axis)
+    turned = Rotation.from_euler("z", heading[:, None]) * Rotation.from_rotvec(tilt[:, None] * axis)
     turned = turned * Rotation.from_quat(np.roll(actual.qpos[:, 3:7], -1, axis=1))
     seen.qpos[:, 3:7] = np.roll(turned.as_quat(), 1, axis=1)
     seen.qpos[:, :3] = actual.qpos[:, :3] + shift
-    seen.qvel[:, :3] = Rotation.from_euler("z", heading).apply(actual.qvel[:, :3]) + speed
+    seen.qvel[:, :3] = Rotation.from_euler("z", heading[:, None]).apply(actual.qvel[:, :3]) + speed
     contact = rng.random((20, robot.num_feet)) < 0.5
     own = Stance.of(robot).geometry.foot_of_point, 0.1 * robot.weight, contact
     found = find_errors(actual, seen, *own)
