@@ -195,6 +195,8 @@ def _measure(
         error[k] += u * x + v * y + w * z
     for k in range(size):
         u, v, w = column[0, k], column[1, k], column[2, k]
+        if u == 0.0 and v == 0.0 and w == 0.0:
+            continue  # of a foot in the air, which correlates with nothing
         for j in range(size):
             covariance[k, j] -= u * column[0, j] + v * column[1, j] + w * column[2, j]
     return True
@@ -211,12 +213,17 @@ def _innovation(column: np.ndarray, noise: np.ndarray, row: int, j: int) -> Vect
 def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
     """Take a known error out of the estimate: X = Exp(-xi) X, bias = bias - zeta."""
     by = (-error[0], -error[1], -error[2])
-    turned = turning(by)
-    _move(error, V, by, turned, belief.velocity, (i,))
-    _move(error, P, by, turned, belief.position, (i,))
+    turned, angle = turning(by), np.sqrt(dot(by, by))
+    if angle < 1e-6:
+        versine, rest = 0.5, 1.0 / 6.0
+    else:
+        versine = (1.0 - np.cos(angle)) / (angle * angle)
+        rest = (angle - np.sin(angle)) / (angle * angle * angle)
+    _move(error, V, by, versine, rest, turned, belief.velocity, (i,))
+    _move(error, P, by, versine, rest, turned, belief.position, (i,))
     for foot in range(belief.foot.shape[1]):
         if belief.standing[i, foot]:
-            _move(error, D + 3 * foot, by, turned, belief.foot, (i, foot))
+            _move(error, D + 3 * foot, by, versine, rest, turned, belief.foot, (i, foot))
     turn_quaternion(belief.quaternion, i, by)
     for axis in range(3):
         belief.gyroscope_bias[i, axis] -= error[BG + axis]
@@ -228,18 +235,17 @@ def _move(
     error: np.ndarray,
     first: int,
     by: Vector,
+    versine: float,
+    rest: float,
     turned: Rotation,
     values: np.ndarray,
     row: tuple[int, ...],
 ) -> None:
-    """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3)."""
-    angle = np.sqrt(dot(by, by))
+    """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3).
+
+    With t the vector `by`, that is 1 + versine [t] + rest [t]^2.
+    """
     shift = (-error[first], -error[first + 1], -error[first + 2])
-    if angle < 1e-6:
-        versine, rest = 0.5, 1.0 / 6.0
-    else:
-        versine = (1.0 - np.cos(angle)) / (angle * angle)
-        rest = (angle - np.sin(angle)) / (angle * angle * angle)
     once = cross(by, shift)
     shift = add(shift, add(scale(versine, once), scale(rest, cross(by, once))))
     store(add(turn(turned, vector(values, row)), shift), values, row)
