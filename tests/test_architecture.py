@@ -90,13 +90,13 @@ LINES = {
     ".": 2385,
     "actions": 3185,
     "control": 4740,
-    "dynamics": 1675,
+    "dynamics": 1685,
     "envs": 3555,
-    "estimation": 2110,
+    "estimation": 2185,
     "motions": 3820,
     "policy": 645,
     "robots": 5730,
-    "runtime": 1922,
+    "runtime": 1915,
     "tasks": 2325,
 }
 # Of all that is in tests/; 24,000 is where this shall go.

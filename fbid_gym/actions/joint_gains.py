@@ -277,14 +277,27 @@ def sampled_growth(
         control_hz: control ticks per second.
         loop_delay: s from the state to the torque that answers it.
     """
-    mobility, tick, size = _mobility(robot), 1.0 / control_hz, robot.num_joints
+    mobility = _mobility(robot)
+    stiff = mobility * stiffness if stiffness.ndim == 1 else mobility @ stiffness
+    return growth(stiff, mobility * damping, control_hz, loop_delay)
+
+
+def growth(stiff: np.ndarray, damped: np.ndarray, control_hz: int, loop_delay: float) -> float:
+    """Return the growth of motion in a tick where torques answer it as `sampled_growth` says.
+
+    Args:
+        stiff: (k, k) 1/s^2, acceleration back for each displacement.
+        damped: (k, k) 1/s, likewise for each velocity.
+        control_hz: control ticks per second.
+        loop_delay: s from the state to the torque that answers it.
+    """
+    tick, size = 1.0 / control_hz, len(stiff)
     ticks = round(loop_delay * control_hz, 6)
     whole, waiting = int(ticks), int(np.ceil(ticks))
     width = (2 + waiting) * size
     none = np.zeros((size, waiting * size))
     # Accelerations that are asked for now, and were one, two, ... ticks ago, of the state.
-    stiff = mobility * stiffness if stiffness.ndim == 1 else mobility @ stiffness
-    asked = [np.hstack([-stiff, -mobility * damping, none])]
+    asked = [np.hstack([-stiff, -damped, none])]
     asked += [np.eye(size, width, (2 + age) * size) for age in range(waiting)]
     rest = ticks - whole
     acting = (1.0 - rest) * asked[whole] + rest * asked[min(whole + 1, waiting)]

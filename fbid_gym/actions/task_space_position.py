@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
@@ -14,6 +15,7 @@ from fbid_gym.actions.joint_gains import (
     default_frequency,
     fed_drag,
     greatest_share,
+    growth,
     holding_torque,
     missing_damping,
     sampled_growth,
@@ -41,6 +43,7 @@ from fbid_gym.small_matrices import add_transposed_times
 
 _TINY = 1e-12  # keeps the direction of a body that points up or down defined
 _ROUNDING = 1e-7  # of a growth of one
+_RANK = 1e-9
 
 
 class Reach(NamedTuple):
@@ -70,7 +73,10 @@ class TaskSpacePosition:
         K = m / F (2 pi f)^2,
 
     m / F being the mass of the robot for each of its feet; of a foot's rotation times the square of
-    the height of the centre of mass. It is limited as those of joints are, see `JointGains`.
+    the height of the centre of mass. It is limited as those of joints are, see `JointGains`: all of
+    it by one share, and then the vertical's, which carries the weight, by as little as it can be.
+    What damps the body through standing feet (`LegJoints.calm`) is limited likewise, with the robot
+    on all its feet.
 
     Attributes:
         robot: whose joints.
@@ -124,16 +130,16 @@ class TaskSpacePosition:
         """
         frequency = natural_frequency or default_frequency(kind, robot)
         joints = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
-        calm = missing_damping(joints)
-        legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=calm)
+        legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=0.0)
         height, hold = float(Stance.of(robot).home_com[2]), holding_torque(robot)
         own = Stance.of(robot).legs.any(axis=0)
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))
         stiffness = _stiffness(robot, control_hz, joints, held, loop_delay)
+        calm = _calm(robot, control_hz, stiffness, held, missing_damping(joints), loop_delay)
         falls = gravity or (kind.gait and robot.has_soles)
         return cls(
             robot=robot,
-            reach=Reach(legs, stiffness, held, scale * height),
+            reach=Reach(legs._replace(calm=calm), stiffness, held, scale * height),
             hold=hold,
             pendulum=Pendulum.of(robot, kind.omega, hold, links=gravity) if falls else None,
             scale=np.repeat([scale * height, rotation_scale], 3),
@@ -281,10 +287,47 @@ def _stiffness(
         most[alike] = most[alike].min(initial=np.inf)
     others = np.diag(held.stiffness)
 
-    def steady(share: float) -> bool:
-        pulled = np.einsum("frj,r,frk->jk", jacobians, share * most, jacobians) + others
+    def steady(rows: np.ndarray) -> bool:
+        pulled = np.einsum("frj,r,frk->jk", jacobians, rows, jacobians) + others
         # With little stiffness joints stay nearly where they are: rounding is not to count.
         grown = sampled_growth(robot, pulled, joints.damping, control_hz, loop_delay)
         return grown < 1.0 + _ROUNDING
 
-    return min(1.0, greatest_share(steady)) * most
+    found = min(1.0, greatest_share(lambda share: steady(share * most))) * most
+    upright = np.eye(rows)[2]
+    alone = greatest_share(lambda share: steady(found + upright * (share * most - found)))
+    return np.maximum(found, min(1.0, alone) * upright * most)
+
+
+def _calm(
+    robot: Robot,
+    control_hz: int,
+    stiffness: np.ndarray,
+    held: JointGains,
+    wanted: float,
+    loop_delay: float,
+) -> float:
+    """Return as much of a wanted `LegJoints.calm`, s, as lets every mode of standing decay.
+
+    Standing is at home with all feet held where they are: what is left moves is the base, with the
+    joints, v = B u, and with it the feet as seen from the base, -J_base u.
+    """
+    if wanted == 0.0:
+        return 0.0
+    stance, rows = Stance.of(robot), len(stiffness)
+    terms = stance.terms
+    feet = terms.foot_jacobian[0, :, :rows]
+    moves = scipy.linalg.null_space(feet.reshape(-1, robot.nv), rcond=_RANK)
+    legs = feet[:, :, 6:] * stance.legs[:, None]
+    springs = np.einsum("frj,r,frk->jk", legs, stiffness, legs)
+    yields = np.linalg.solve(moves.T @ terms.mass_matrix[0] @ moves, moves[6:].T)
+    stiff = yields @ (springs + np.diag(held.stiffness)) @ moves[6:]
+    damped = yields @ (held.damping[:, None] * moves[6:])
+    # The force of each foot that answers how fast the base rises, falls and turns.
+    base = np.einsum("frj,r,frk->jk", legs, stiffness, feet[:, :, 2:6]) @ moves[2:6]
+
+    def steady(share: float) -> bool:
+        calmed = damped - share * wanted * (yields @ base)
+        return growth(stiff, calmed, control_hz, loop_delay) < 1.0 + _ROUNDING
+
+    return min(1.0, greatest_share(steady)) * wanted

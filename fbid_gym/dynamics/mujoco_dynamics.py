@@ -1,5 +1,7 @@
 """Dynamics terms at any states, by MuJoCo."""
 
+import copy
+
 import mujoco
 import mujoco.batch
 import numpy as np
@@ -9,6 +11,8 @@ from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
+
+_VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 class MuJoCoDynamics:
@@ -39,14 +43,21 @@ class MuJoCoDynamics:
     def live(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
         """Return the same at states that have been checked, in arrays that the next writes anew."""
         if self._batch is None or self._batch.nsim != len(qpos):
-            self._batch = mujoco.batch.Batch(
-                self.robot.model, len(qpos), self._num_threads, persistent=True
-            )
+            model = without_contact(self.robot)
+            self._batch = mujoco.batch.Batch(model, len(qpos), self._num_threads, persistent=True)
             self._live = LiveTerms(self.robot, self._batch)
             self._state = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._state[0][:], self._state[1][:] = qpos, qvel
-        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+        self._batch.forward(stage=_VELOCITY)
         return self._live()
+
+
+def without_contact(robot: Robot) -> mujoco.MjModel:
+    """Return a copy of a robot's model that looks for no contacts: dynamics terms need none."""
+    model = copy.copy(robot.model)
+    unused = mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.opt.disableflags |= int(unused[0]) | int(unused[1])
+    return model
 
 
 def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,10 +18,10 @@ import numpy as np
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS, curriculum
 from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.estimation.errors import ERRORS
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import terrain
 from fbid_gym.runtime.config import EnvConfig
-from fbid_gym.runtime.perception import ERRORS
 from fbid_gym.tasks import TASKS
 from fbid_gym.tasks.reward import Terms
 

@@ -1,18 +1,16 @@
 """Which robot is simulated, and which one the model-based layers believe in."""
 
-import copy
-
 import mujoco
 import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.mujoco_dynamics import without_contact
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms, RobotState
-from fbid_gym.robots import Robot
 from fbid_gym.robots.mjcf import moving_joints
 from fbid_gym.runtime.randomisation import Randomisation
 
@@ -60,7 +58,7 @@ class Plant:
             simulation.loop.control_hz,
             randomisation.loop_delay[1],
         )
-        model = _without_contact(simulation.robot)
+        model = without_contact(simulation.robot)
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
@@ -172,14 +170,6 @@ class Plant:
         for name, value in self._drawn.items():
             value[:] = state[name]
         self.apply(np.arange(self._simulation.num_robots))
-
-
-def _without_contact(robot: Robot) -> mujoco.MjModel:
-    """Return a model of which only the dynamics terms are computed."""
-    model = copy.copy(robot.model)
-    unused = mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    model.opt.disableflags |= int(unused[0]) | int(unused[1])
-    return model
 
 
 def _weigh(

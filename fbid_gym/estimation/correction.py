@@ -58,14 +58,11 @@ def correct(
     joints, feet = legs.joint.shape[1], legs.joint.shape[0]
     size = D + 3 * feet
     axis, arm = np.empty((joints, 3)), np.empty((joints, 3))
-    away, noise = np.empty((feet, 3)), np.empty((feet, 3, 3))
-    column, gain, error = np.empty((3, size)), np.empty((3, size)), np.empty(size)
+    noise, column, error = np.empty((3, 3)), np.empty((3, size)), np.empty(size)
     fresh = np.empty(feet, np.bool_)
     for i in range(len(which)):
         if which[i]:
-            _correct(
-                own, legs, readings, belief, axis, arm, away, noise, column, gain, error, fresh, i
-            )
+            _correct(own, legs, readings, belief, axis, arm, noise, column, error, fresh, i)
             write_state(own, readings, belief, seen, i)
 
 
@@ -77,10 +74,8 @@ def _correct(
     belief: Belief,
     axis: np.ndarray,
     arm: np.ndarray,
-    away: np.ndarray,
     noise: np.ndarray,
     column: np.ndarray,
-    gain: np.ndarray,
     error: np.ndarray,
     fresh: np.ndarray,
     i: int,
@@ -101,17 +96,17 @@ def _correct(
         error[k] = 0.0
     stood, slipped = 0, 0
     for foot in range(feet):
-        centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
-        _see(own, legs, rotation, foot, centre, arm, away, noise)
-        loaded = readings.load[i, foot] > own.threshold
-        fresh[foot] = loaded and not belief.standing[i, foot]
-        if belief.standing[i, foot]:
+        loaded, stands = readings.load[i, foot] > own.threshold, belief.standing[i, foot]
+        fresh[foot] = loaded and not stands
+        if stands and not loaded:
+            _drop(belief, i, foot)
+        elif stands:
+            centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
             roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
-            if not loaded:
-                _drop(belief, i, foot)
-            elif readings.fresh[i]:
+            if readings.fresh[i]:
                 stood += 1
-                if not _measure(own, away, noise, column, gain, error, belief, i, foot):
+                away = _see(own, legs, rotation, foot, centre, arm, noise)
+                if not _measure(own, away, noise, column, error, belief, i, foot):
                     slipped += 1
                     fresh[foot] = True
     belief.slipped[i] = belief.slipped[i] + 1 if stood > 0 and slipped == stood else 0
@@ -122,8 +117,7 @@ def _correct(
     for foot in range(feet):
         if fresh[foot]:
             centre, _ = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
-            _see(own, legs, rotation, foot, centre, arm, away, noise)
-            _add(away, noise, belief, i, foot)
+            _add(_see(own, legs, rotation, foot, centre, arm, noise), noise, belief, i, foot)
 
 
 @compiled
@@ -141,30 +135,28 @@ def _see(
     foot: int,
     centre: Vector,
     arm: np.ndarray,
-    away: np.ndarray,
     noise: np.ndarray,
-) -> None:
-    """Write where a foot is seen from the unit, world axes, and the covariance of that."""
-    seen = turn(rotation, centre)
-    store((seen[0], seen[1], seen[2] - legs.radius[foot]), away, (foot,))
+) -> Vector:
+    """Return where a foot is seen from the unit, world axes; writes the covariance of that."""
     for j in range(3):
         for k in range(3):
-            noise[foot, j, k] = own.placing if j == k else 0.0
+            noise[j, k] = own.placing if j == k else 0.0
     for one in range(legs.joint.shape[1]):
         if legs.joint[foot, one] >= 0:
             along = turn(rotation, vector(arm, (one,)))
             for j in range(3):
                 for k in range(3):
-                    noise[foot, j, k] += own.encoder * along[j] * along[k]
+                    noise[j, k] += own.encoder * along[j] * along[k]
+    seen = turn(rotation, centre)
+    return seen[0], seen[1], seen[2] - legs.radius[foot]
 
 
 @compiled
 def _measure(
     own: Filter,
-    away: np.ndarray,
+    away: Vector,
     noise: np.ndarray,
     column: np.ndarray,
-    gain: np.ndarray,
     error: np.ndarray,
     belief: Belief,
     i: int,
@@ -172,59 +164,66 @@ def _measure(
 ) -> bool:
     """Learn from a standing foot, H = (… 1 at p … -1 at d …); False if it has slipped.
 
-    The estimate moves when all feet have told: until then `error` sums up what is known of xi.
+    With S = H P H^T + N = L L^T and W = L^-1 H P, the covariance loses W^T W. The estimate moves
+    when all feet have told: until then `error` sums up what is known of xi.
     """
     covariance, row = belief.covariance[i], D + 3 * foot
     size = len(covariance)
     for axis in range(3):
         for k in range(size):
             column[axis, k] = covariance[P + axis, k] - covariance[row + axis, k]
-    a = _innovation(column, noise, row, foot, 0)
-    b = _innovation(column, noise, row, foot, 1)
-    c = _innovation(column, noise, row, foot, 2)
-    # The inverse of a symmetric matrix with rows a, b, c.
-    bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
-    size_of_it = dot(a, bc)
-    z = subtract(
-        add(vector(away, (foot,)), vector(belief.position, (i,))), vector(belief.foot, (i, foot))
-    )
-    told = add(subtract(z, vector(error, (), P)), vector(error, (), row))
-    weighed = scale(1.0 / size_of_it, turn(transposed((bc, ca, ab)), told))
-    if not dot(told, weighed) < own.gate:
+    a = _innovation(column, noise, row, 0)
+    b = _innovation(column, noise, row, 1)
+    c = _innovation(column, noise, row, 2)
+    first = 1.0 / np.sqrt(a[0])
+    ba, ca = a[1] * first, a[2] * first
+    second = 1.0 / np.sqrt(b[1] - ba * ba)
+    cb = (b[2] - ba * ca) * second
+    third = 1.0 / np.sqrt(c[2] - ca * ca - cb * cb)
+    told = subtract(add(away, vector(belief.position, (i,))), vector(belief.foot, (i, foot)))
+    told = add(subtract(told, vector(error, (), P)), vector(error, (), row))
+    x = told[0] * first
+    y = (told[1] - ba * x) * second
+    z = (told[2] - ca * x - cb * y) * third
+    if not x * x + y * y + z * z < own.gate:
         return False
     for k in range(size):
-        seen = (column[0, k], column[1, k], column[2, k])
-        gain[0, k] = dot(seen, bc) / size_of_it
-        gain[1, k] = dot(seen, ca) / size_of_it
-        gain[2, k] = dot(seen, ab) / size_of_it
-        error[k] += dot(seen, weighed)
+        u = column[0, k] * first
+        v = (column[1, k] - ba * u) * second
+        w = (column[2, k] - ca * u - cb * v) * third
+        column[0, k], column[1, k], column[2, k] = u, v, w
+        error[k] += u * x + v * y + w * z
     for k in range(size):
-        x, y, z = gain[0, k], gain[1, k], gain[2, k]
-        for j in range(k + 1):
-            covariance[k, j] -= x * column[0, j] + y * column[1, j] + z * column[2, j]
-    for k in range(size):
-        for j in range(k):
-            covariance[j, k] = covariance[k, j]
+        u, v, w = column[0, k], column[1, k], column[2, k]
+        if u == 0.0 and v == 0.0 and w == 0.0:
+            continue  # of a foot in the air, which correlates with nothing
+        for j in range(size):
+            covariance[k, j] -= u * column[0, j] + v * column[1, j] + w * column[2, j]
     return True
 
 
 @compiled
-def _innovation(column: np.ndarray, noise: np.ndarray, row: int, foot: int, j: int) -> Vector:
+def _innovation(column: np.ndarray, noise: np.ndarray, row: int, j: int) -> Vector:
     """Row j of H P H^T + N."""
     seen = subtract(vector(column, (j,), P), vector(column, (j,), row))
-    return add(seen, vector(noise, (foot, j)))
+    return add(seen, vector(noise, (j,)))
 
 
 @compiled
 def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
     """Take a known error out of the estimate: X = Exp(-xi) X, bias = bias - zeta."""
     by = (-error[0], -error[1], -error[2])
-    turned = turning(by)
-    _move(error, V, by, turned, belief.velocity, (i,))
-    _move(error, P, by, turned, belief.position, (i,))
+    turned, angle = turning(by), np.sqrt(dot(by, by))
+    if angle < 1e-6:
+        versine, rest = 0.5, 1.0 / 6.0
+    else:
+        versine = (1.0 - np.cos(angle)) / (angle * angle)
+        rest = (angle - np.sin(angle)) / (angle * angle * angle)
+    _move(error, V, by, versine, rest, turned, belief.velocity, (i,))
+    _move(error, P, by, versine, rest, turned, belief.position, (i,))
     for foot in range(belief.foot.shape[1]):
         if belief.standing[i, foot]:
-            _move(error, D + 3 * foot, by, turned, belief.foot, (i, foot))
+            _move(error, D + 3 * foot, by, versine, rest, turned, belief.foot, (i, foot))
     turn_quaternion(belief.quaternion, i, by)
     for axis in range(3):
         belief.gyroscope_bias[i, axis] -= error[BG + axis]
@@ -236,18 +235,17 @@ def _move(
     error: np.ndarray,
     first: int,
     by: Vector,
+    versine: float,
+    rest: float,
     turned: Rotation,
     values: np.ndarray,
     row: tuple[int, ...],
 ) -> None:
-    """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3)."""
-    angle = np.sqrt(dot(by, by))
+    """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3).
+
+    With t the vector `by`, that is 1 + versine [t] + rest [t]^2.
+    """
     shift = (-error[first], -error[first + 1], -error[first + 2])
-    if angle < 1e-6:
-        versine, rest = 0.5, 1.0 / 6.0
-    else:
-        versine = (1.0 - np.cos(angle)) / (angle * angle)
-        rest = (angle - np.sin(angle)) / (angle * angle * angle)
     once = cross(by, shift)
     shift = add(shift, add(scale(versine, once), scale(rest, cross(by, once))))
     store(add(turn(turned, vector(values, row)), shift), values, row)
@@ -264,10 +262,10 @@ def _drop(belief: Belief, i: int, foot: int) -> None:
 
 
 @compiled
-def _add(away: np.ndarray, noise: np.ndarray, belief: Belief, i: int, foot: int) -> None:
+def _add(away: Vector, noise: np.ndarray, belief: Belief, i: int, foot: int) -> None:
     """Add a foot where it is seen: xi_d = xi_p + R noise."""
     belief.standing[i, foot] = True
-    store(add(vector(belief.position, (i,)), vector(away, (foot,))), belief.foot, (i, foot))
+    store(add(vector(belief.position, (i,)), away), belief.foot, (i, foot))
     covariance, row = belief.covariance[i], D + 3 * foot
     for k in range(len(covariance)):
         for axis in range(3):
@@ -277,7 +275,7 @@ def _add(away: np.ndarray, noise: np.ndarray, belief: Belief, i: int, foot: int)
             covariance[k, row + axis] = covariance[k, P + axis]
     for j in range(3):
         for k in range(3):
-            covariance[row + j, row + k] = covariance[P + j, P + k] + noise[foot, j, k]
+            covariance[row + j, row + k] = covariance[P + j, P + k] + noise[j, k]
 
 
 @compiled

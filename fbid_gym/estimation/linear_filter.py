@@ -163,20 +163,21 @@ def _correct(
     rate = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
     stood, slipped = 0, 0
     for foot in range(len(fresh)):
-        centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
-        seen = turn(rotation, centre)
-        store((seen[0], seen[1], seen[2] - legs.radius[foot]), away, (foot,))
-        noise[foot] = own.placing
-        for k in range(len(arm)):
-            if legs.joint[foot, k] >= 0:
-                noise[foot] += own.encoder / 3.0 * dot(vector(arm, (k,)), vector(arm, (k,)))
-        loaded = readings.load[i, foot] > own.threshold
-        fresh[foot] = loaded and not belief.standing[i, foot]
-        if belief.standing[i, foot]:
-            roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
-            if not loaded:
-                _drop(belief, i, foot)
-            elif readings.fresh[i]:
+        loaded, stands = readings.load[i, foot] > own.threshold, belief.standing[i, foot]
+        fresh[foot] = loaded and not stands
+        if stands and not loaded:
+            _drop(belief, i, foot)
+        elif loaded:
+            centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
+            seen = turn(rotation, centre)
+            store((seen[0], seen[1], seen[2] - legs.radius[foot]), away, (foot,))
+            noise[foot] = own.placing
+            for k in range(len(arm)):
+                if legs.joint[foot, k] >= 0:
+                    noise[foot] += own.encoder / 3.0 * dot(vector(arm, (k,)), vector(arm, (k,)))
+            if stands:
+                roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
+            if stands and readings.fresh[i]:
                 stood += 1
                 if not _measure(own, vector(away, (foot,)), noise[foot], column, belief, i, foot):
                     slipped += 1

@@ -43,17 +43,11 @@ def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) 
     """
     for i in range(len(which)):
         if which[i] and not belief.lost[i]:
-            _predict(own, readings, belief, i)
-
-
-@compiled
-def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
-    middle = midway(own, readings, belief, i)
-    belief.age[i] += 1
-    if belief.age[i] >= own.every:
-        velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
-        _spread(own, middle, velocity, position, belief, i)
-    integrate(own, readings, belief, middle, i)
+            middle = midway(own, readings, belief, i)
+            belief.age[i] += 1
+            if belief.age[i] >= own.every:
+                _spread(own, middle, belief, i)
+            integrate(own, readings, belief, middle, i)
 
 
 @compiled
@@ -82,23 +76,49 @@ def integrate(own: Filter, readings: Readings, belief: Belief, middle: Rotation,
 
 
 @compiled
-def _spread(
-    own: Filter, middle: Rotation, velocity: Vector, position: Vector, belief: Belief, i: int
-) -> None:
-    """Take the covariance to the next correction: Phi P Phi^T + Q, see the equations above."""
+def _spread(own: Filter, middle: Rotation, belief: Belief, i: int) -> None:
+    """Take the covariance P to the next correction: Phi P Phi^T + Q, see the equations above.
+
+    P is symmetric, and of feet in the air there are but zeros. First each row becomes that of
+    (Phi P)^T, then each column that of Phi (Phi P)^T, down to the diagonal; the rest mirrors it.
+    """
     covariance, dt = belief.covariance[i], own.every * own.tick
-    size, foot, standing = len(covariance), belief.foot[i], belief.standing[i]
-    still = (0.0, 0.0, 0.0)
+    size, standing, feet = len(covariance), belief.standing[i], belief.foot[i]
+    velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
+    middle = scale(dt, middle[0]), scale(dt, middle[1]), scale(dt, middle[2])
     for k in range(size):
-        _flow(own, middle, velocity, position, foot, standing, still, covariance, k)
+        if k < D or standing[(k - D) // 3]:
+            bias = turn(middle, vector(covariance, (k,), BG))
+            pushed = turn(middle, vector(covariance, (k,), BA))
+            turned, moved = vector(covariance, (k,), R), vector(covariance, (k,), V)
+            rows = turned, moved, vector(covariance, (k,), P)
+            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            store(turned, covariance, (k,), R)
+            store(moved, covariance, (k,), V)
+            store(place, covariance, (k,), P)
+            for foot in range(len(standing)):
+                if standing[foot]:
+                    row = D + 3 * foot
+                    held = cross(vector(feet, (foot,)), bias)
+                    store(subtract(vector(covariance, (k,), row), held), covariance, (k,), row)
     for k in range(size):
-        for j in range(k):
-            # The rows are done: the same for the columns, by way of the transposed.
-            covariance[k, j], covariance[j, k] = covariance[j, k], covariance[k, j]
-    for k in range(size):
-        # The gyroscope's noise comes in as its bias does, but is no part of it.
-        noise = scale(own.turning, _turned(velocity, position, foot, standing, k))
-        _flow(own, middle, velocity, position, foot, standing, noise, covariance, k)
+        if k < D or standing[(k - D) // 3]:
+            # The gyroscope's noise comes in as its bias does, but is no part of it.
+            noise = scale(own.turning, _turned(velocity, position, feet, k))
+            bias = add(turn(middle, _column(covariance, BG, k)), noise)
+            pushed = turn(middle, _column(covariance, BA, k))
+            rows = _column(covariance, R, k), _column(covariance, V, k), _column(covariance, P, k)
+            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            _store_both(turned, covariance, R, k)
+            _store_both(moved, covariance, V, k)
+            _store_both(place, covariance, P, k)
+            for foot in range((k - D + 3) // 3):
+                if standing[foot]:
+                    row = D + 3 * foot
+                    held = cross(vector(feet, (foot,)), bias)
+                    _store_both(subtract(_column(covariance, row, k), held), covariance, row, k)
+            for row in range(BG, min(k, D)):
+                covariance[k, row] = covariance[row, k]
     for axis in range(3):
         covariance[V + axis, V + axis] += own.pushing
         covariance[V + axis, P + axis] += 0.5 * dt * own.pushing
@@ -106,61 +126,47 @@ def _spread(
         covariance[P + axis, P + axis] += dt * dt / 3.0 * own.pushing
         covariance[BG + axis, BG + axis] += own.gyroscope_drift
         covariance[BA + axis, BA + axis] += own.accelerometer_drift
-        for one in range(len(standing)):
-            if standing[one]:
-                place = D + 3 * one + axis
-                covariance[place, place] += own.slipping
+        for foot in range(len(standing)):
+            if standing[foot]:
+                row = D + 3 * foot + axis
+                covariance[row, row] += own.slipping
 
 
 @compiled
-def _turned(
-    velocity: Vector, position: Vector, foot: np.ndarray, standing: np.ndarray, k: int
-) -> Vector:
+def _turned(velocity: Vector, position: Vector, feet: np.ndarray, k: int) -> Vector:
     """What a turn of the unit takes from error k, per rad: row k of -(1, [v], [p], [d])."""
-    part, axis = k // 3, k % 3
+    axis = k % 3
     own = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
     if k < V:
         return scale(-1.0, own)
     if k < BG:
         return cross(velocity if k < P else position, own)
-    one = part - D // 3
-    if one >= 0 and standing[one]:
-        return cross(vector(foot, (one,)), own)
+    if k >= D:
+        return cross(vector(feet, ((k - D) // 3,)), own)
     return (0.0, 0.0, 0.0)
 
 
 @compiled
 def _flow(
-    own: Filter,
-    middle: Rotation,
+    gravity: float,
+    dt: float,
     velocity: Vector,
     position: Vector,
-    foot: np.ndarray,
-    standing: np.ndarray,
-    noise: Vector,
-    covariance: np.ndarray,
-    k: int,
-) -> None:
-    """Apply Phi to column k of a matrix; `noise` is added to what the gyroscope's bias turns."""
-    dt = own.every * own.tick
-    turned = _column(covariance, R, k)
-    bias = add(scale(dt, turn(middle, _column(covariance, BG, k))), noise)
-    pushed = scale(dt, turn(middle, _column(covariance, BA, k)))
-    moved = _column(covariance, V, k)
+    bias: Vector,
+    pushed: Vector,
+    before: Rotation,
+) -> Rotation:
+    """Apply Phi to the errors of rotation, velocity and place, three vectors.
+
+    `bias` and `pushed` are what the biases of gyroscope and accelerometer come to in that time.
+    """
+    turned, moved, place = before
     # [g] xi with g = (0, 0, -gravity).
-    fall = (own.gravity * turned[1], -own.gravity * turned[0], 0.0)
-    place = add(_column(covariance, P, k), scale(dt, moved))
-    place = add(place, scale(0.5 * dt * dt, fall))
-    place = subtract(place, scale(0.5 * dt, pushed))
-    _store_column(subtract(place, cross(position, bias)), covariance, P, k)
-    moved = subtract(add(moved, scale(dt, fall)), pushed)
-    _store_column(subtract(moved, cross(velocity, bias)), covariance, V, k)
-    _store_column(subtract(turned, bias), covariance, R, k)
-    for one in range(len(standing)):
-        if standing[one]:
-            row = D + 3 * one
-            held = subtract(_column(covariance, row, k), cross(vector(foot, (one,)), bias))
-            _store_column(held, covariance, row, k)
+    fall = (gravity * turned[1], -gravity * turned[0], 0.0)
+    place = add(add(place, scale(dt, moved)), scale(0.5 * dt * dt, fall))
+    place = subtract(subtract(place, scale(0.5 * dt, pushed)), cross(position, bias))
+    moved = subtract(subtract(add(moved, scale(dt, fall)), pushed), cross(velocity, bias))
+    return subtract(turned, bias), moved, place
 
 
 @compiled
@@ -169,5 +175,8 @@ def _column(values: np.ndarray, row: int, k: int) -> Vector:
 
 
 @compiled
-def _store_column(a: Vector, values: np.ndarray, row: int, k: int) -> None:
-    values[row, k], values[row + 1, k], values[row + 2, k] = a
+def _store_both(a: Vector, values: np.ndarray, row: int, k: int) -> None:
+    """Write to column k of a symmetric matrix, down to the diagonal, and to row k."""
+    for axis in range(3):
+        if row + axis <= k:
+            values[row + axis, k], values[k, row + axis] = a[axis], a[axis]

@@ -24,7 +24,7 @@ from fbid_gym.dynamics.vectors import (
     vector,
 )
 from fbid_gym.estimation.legs import Mounting, turning
-from fbid_gym.estimation.random_numbers import normal_pair, normal_vector, uniform
+from fbid_gym.estimation.random_numbers import normal, uniform
 from fbid_gym.estimation.sensors import Sensors
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
@@ -176,9 +176,8 @@ def _read_unit(own: Instruments, state: RobotState, wear: Wear, i: int) -> None:
     moved = add(vector(state.qvel, (i,)), turn(base, arm))
     for axis in range(3):
         if own.gyroscope.drift > 0.0 or own.accelerometer.drift > 0.0:
-            first, second = normal_pair(generator)
-            wear.gyroscope_bias[i, axis] += own.gyroscope.drift * first
-            wear.accelerometer_bias[i, axis] += own.accelerometer.drift * second
+            wear.gyroscope_bias[i, axis] += own.gyroscope.drift * normal(generator)
+            wear.accelerometer_bias[i, axis] += own.accelerometer.drift * normal(generator)
     if state.tick[i] % own.every[0] != 0 and wear.begun[i]:
         return
     to_unit = matrix(mounting.base_from_imu, ())
@@ -191,17 +190,15 @@ def _read_unit(own: Instruments, state: RobotState, wear: Wear, i: int) -> None:
     force = turn(turning(scale(0.5 * seconds, rate)), force)
     store(moved, wear.moved, (i,))
     mounted = matrix(wear.mounted, (i,))
-    noise = normal_vector(generator)
     read = turn(mounted, rate)
     for axis in range(3):
         value = (1.0 + wear.gyroscope_scale[i, axis]) * read[axis] + wear.gyroscope_bias[i, axis]
-        value += own.gyroscope.noise * noise[axis]
+        value += own.gyroscope.noise * normal(generator)
         wear.history[i, 0, axis] = _within(value, own.gyroscope.limit)
-    noise = normal_vector(generator)
     read = turn(mounted, force)
     for axis in range(3):
         value = (1.0 + wear.accelerometer_scale[i, axis]) * read[axis]
-        value += wear.accelerometer_bias[i, axis] + own.accelerometer.noise * noise[axis]
+        value += wear.accelerometer_bias[i, axis] + own.accelerometer.noise * normal(generator)
         wear.history[i, 0, 3 + axis] = _within(value, own.accelerometer.limit)
 
 
@@ -217,15 +214,10 @@ def _read_joints(own: Instruments, state: RobotState, wear: Wear, i: int) -> Non
         return
     joints, generator = state.qpos.shape[1] - 7, wear.generator[i]
     seconds = own.tick * own.every[1]
-    spare = 0.0
     for j in range(joints):
         value = state.qpos[i, 7 + j]
         if own.noise > 0.0:
-            if j % 2 == 0:
-                first, spare = normal_pair(generator)
-                value += own.noise * first
-            else:
-                value += own.noise * spare
+            value += own.noise * normal(generator)
         if own.resolution > 0.0:
             value = own.resolution * np.floor(value / own.resolution + 0.5)
         if wear.begun[i]:
@@ -258,8 +250,7 @@ def _read_feet(own: Instruments, state: RobotState, wear: Wear, i: int) -> None:
     for foot in range(feet):
         load = wear.history[i, 0, first + foot]
         if own.load_noise > 0.0:
-            noise, _ = normal_pair(generator)
-            load += own.load_noise * noise
+            load += own.load_noise * normal(generator)
         if wear.wrong[i, foot]:
             load = 0.0 if load > own.threshold else 2.0 * own.threshold
         wear.history[i, 0, first + foot] = load

@@ -9,6 +9,7 @@ Loading it runs no code from the file and needs no deep learning library.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,11 @@ from fbid_gym.policy.policy_file import FORMAT, place_of, read_policy
 
 
 def _elu(x: np.ndarray) -> np.ndarray:
-    return np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
+    return np.maximum(x, 0) + np.expm1(np.minimum(x, 0))
+
+
+def _within(x: np.ndarray, most: float) -> np.ndarray:
+    return np.minimum(np.maximum(x, -most), most)
 
 
 def _relu(x: np.ndarray) -> np.ndarray:
@@ -43,7 +48,7 @@ ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
-    "clip": lambda x: np.clip(x, -1.0, 1.0),
+    "clip": lambda x: _within(x, 1.0),
     "tanh": np.tanh,
 }
 """Outputs that keep actions within [-1, 1]: PPO's are cut off, SAC's squashed."""
@@ -135,6 +140,10 @@ class Policy:
         ):
             object.__setattr__(self, name, value)
 
+    @cached_property
+    def _spread(self) -> np.ndarray:
+        return np.sqrt(self.variance + self.epsilon)
+
     @property
     def observation_size(self) -> int:
         """O, the number of observations it takes."""
@@ -173,8 +182,7 @@ class Policy:
             raise ShapeError(
                 "observation", observation.shape, f"(N, {self.observation_size}) for {self.source}"
             )
-        scaled = (observation - self.mean) / np.sqrt(self.variance + self.epsilon)
-        x = np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+        x = _within((observation - self.mean) / self._spread, self.clip).astype(np.float32)
         activate = ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = activate(x @ weight.T + bias)

@@ -5,7 +5,6 @@ both run. It imports no Gymnasium and steps no physics; MuJoCo computes the mode
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,13 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
 from fbid_gym.policy import Policy
-from fbid_gym.quantities import RobotState
+from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import ROBOTS, Robot
+from fbid_gym.robots.undrawn import undrawn
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
-from fbid_gym.runtime.effort import Effort, add_power
+from fbid_gym.runtime.effort import Effort, add_power, limit
 from fbid_gym.runtime.given import checked_action, checked_command
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
@@ -77,12 +77,14 @@ class Controller:
         observer = Observer(task, config.observation, config.history, 1, self.estimator)
         self._heights: Heights | None = None
         self.sees_ground = "scan" in observer.groups
-        self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(self.robot)
+        self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(undrawn(self.robot))
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
         self.loop = ControlLoop(config, task, drawn, home, observer)
         self.policy = policy or self._zero
         self._zero_action = np.zeros((1, self.loop.num_actions))
         self._effort = Effort.none(1, self.robot.num_joints)
+        self._state: RobotState
+        self._found: DynamicsTerms | None = None
         self._sums = {"distance": np.zeros(1), "energy": np.zeros(1)}
         self.measured: Any = None
         self.reset()
@@ -228,8 +230,8 @@ class Controller:
             sees = "a function (K, 2) -> (K,): the policy sees the ground"
             raise InvalidValueError("heights", heights, sees if self.sees_ground else _BLIND)
         self._heights = heights
-        state = self._state(sensors)
-        terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))
+        state = self._state = self._told(sensors)
+        self._found, terms = None, self._terms
         loop, effort = self.loop, self._effort
         ticks = int(self._tick[0])
         tick = ticks % self.rates.ticks
@@ -250,13 +252,19 @@ class Controller:
         torque = loop.torque(tick, state, terms, terms)
         if self.estimator is not None:
             self.estimator.prepare(terms)
-        effort.limit(torque, self.robot.torque_limit)
+        limit(effort, torque, self.robot.torque_limit)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
         self._tick += 1
         return effort.torque[0].copy()
 
-    def _state(self, sensors: Any) -> RobotState:
+    def _terms(self) -> DynamicsTerms:
+        """The dynamics at the state of this tick, once somebody asks."""
+        if self._found is None:
+            self._found = self._dynamics.live(self._state.qpos, self._state.qvel)
+        return self._found
+
+    def _told(self, sensors: Any) -> RobotState:
         """Where the robot is, as it is told or by its own estimate."""
         reader = self._reader
         if reader is None or not reader.reads(sensors):

@@ -27,16 +27,27 @@ class Effort(NamedTuple):
         """Begin another step: nothing has been added up."""
         self.torque_square[:], self.lost[:], self.power[:] = 0.0, False, 0.0
 
-    def limit(self, wanted: np.ndarray, most: np.ndarray) -> None:
-        """Add torques (N, n) N·m of a control tick, limited to (n,) N·m in both directions.
 
-        A robot whose torques are no numbers gets none, and is lost.
-        """
-        broken = np.isnan(wanted).any(axis=1)
-        self.torque[:] = np.clip(np.where(broken[:, None], 0.0, wanted), -most, most)
-        self.saturation[:] = (np.abs(self.torque) >= most).mean(axis=1)
-        self.torque_square[:] += np.square(self.torque).sum(axis=1)
-        self.lost[:] |= broken
+@kernel
+def limit(effort: Effort, wanted: np.ndarray, most: np.ndarray) -> None:
+    """Add torques (N, n) N·m of a control tick, limited to (n,) N·m in both directions.
+
+    A robot whose torques are no numbers gets none, and is lost.
+    """
+    joints = len(most)
+    for i in range(len(wanted)):
+        broken = False
+        for j in range(joints):
+            broken |= np.isnan(wanted[i, j])
+        full, square = 0, 0.0
+        for j in range(joints):
+            given = 0.0 if broken else min(max(wanted[i, j], -most[j]), most[j])
+            full += abs(given) >= most[j]
+            square += given * given
+            effort.torque[i, j] = given
+        effort.saturation[i] = full / joints
+        effort.torque_square[i] += square
+        effort.lost[i] |= broken
 
 
 @kernel

@@ -9,24 +9,13 @@ import numpy as np
 
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.estimation.errors import ERRORS, find_errors
 from fbid_gym.estimation.estimator import Estimator
 from fbid_gym.estimation.random_numbers import seeded
 from fbid_gym.estimation.sensing import Wear, instruments_of, sense
 from fbid_gym.estimation.sensors import Sensors
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
-
-ERRORS = {
-    "estimate_tilt_error": "rad, between the vertical and what the robot takes for it",
-    "estimate_velocity_error": "m/s, of the base, along the robot's own heading",
-    "estimate_height_error": "m, of the base; it drifts from step to step",
-    "estimate_heading_error": "rad; no sensor tells it, it drifts",
-    "estimate_drift": "m, horizontally, since the episode began; it drifts as well",
-    "estimate_contact_error": "share of the feet whose contact is told wrong",
-    "estimate_restarts": "how often the estimate was lost and begun anew in this episode",
-}
-"""Entries of the info, with their unit."""
-
 
 _DRAWN = (
     *("gyroscope_bias", "accelerometer_bias", "gyroscope_scale", "accelerometer_scale"),
@@ -102,31 +91,10 @@ class Perception:
 
     def errors(self, actual: RobotState) -> dict[str, np.ndarray]:
         """Return by how much the estimate errs, by the names of `ERRORS`: (N,) each."""
-        mine, belief = self.estimator.state, self.estimator.belief
-        true, own = (
-            quaternion_to_matrix(actual.qpos[:, 3:7]),
-            quaternion_to_matrix(mine.qpos[:, 3:7]),
-        )
-        sides = np.linalg.norm(np.cross(true[:, 2], own[:, 2]), axis=1)
-        away = mine.qpos[:, :3] - actual.qpos[:, :3]
-        turned = np.einsum("nij,nkj->nik", own, true)  # true heading to own, about the vertical
-        angle = np.arctan2(turned[:, 1, 0] - turned[:, 0, 1], turned[:, 0, 0] + turned[:, 1, 1])
-        cosine, sine = np.cos(angle), np.sin(angle)
-        x, y, z = actual.qvel[:, :3].T
-        along = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
-        feet = self._instruments.foot_of_point
-        of_foot = feet[:, None] == np.arange(belief.standing.shape[1])
-        load = actual.contact_force[:, :, 2] @ of_foot
-        wrong = (load > self.estimator.threshold) != self.estimator.contact
-        return {
-            "estimate_tilt_error": np.arctan2(sides, np.vecdot(true[:, 2], own[:, 2])),
-            "estimate_velocity_error": np.linalg.norm(mine.qvel[:, :3] - along, axis=1),
-            "estimate_height_error": away[:, 2],
-            "estimate_heading_error": angle,
-            "estimate_drift": np.hypot(away[:, 0], away[:, 1]),
-            "estimate_contact_error": wrong.mean(axis=1),
-            "estimate_restarts": belief.restarts.copy(),
-        }
+        own = self.estimator
+        points = self._instruments.foot_of_point
+        found = find_errors(actual, own.state, points, own.threshold, own.contact)
+        return dict(zip(ERRORS, (*found, own.belief.restarts.copy()), strict=True))
 
     @property
     def drawn(self) -> dict[str, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -83,8 +84,9 @@ class Reader:
         found, own = {}, self.estimator.readings
         for name, shape in self.shapes.items():
             if name in given or name not in self.spared:
-                found[name] = read(given, name, shape, READINGS[name], self.robot.name)
-                check_finite(name, found[name])
+                value = found[name] = read(given, name, shape, READINGS[name], self.robot.name)
+                if not isfinite(value.dot(value)):  # as where any of them is not
+                    check_finite(name, value)
         fresh = Flag().check(_FRESH, given.get(_FRESH, True)) or begins
         angle, rate = found["joint_position"], found.get("joint_velocity")
         if rate is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_finite, real_numbers
+from fbid_gym.checks import check_finite, contiguous, real_numbers
 from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
@@ -27,9 +27,10 @@ Robots that only feel whether they touch the ground give "contact", (P,) from 0 
 "contact_force": the points that touch share the robot's weight.
 """
 
-_POSE = ("position", "orientation", "joint_position")
-_MOTION = ("velocity", "angular_velocity", "joint_velocity")
 _FORCE, TOUCH = "contact_force", "contact"
+# Where in qpos, and in qvel, they are.
+_POSE = {"position": slice(3), "orientation": slice(3, 7), "joint_position": slice(7, None)}
+_MOTION = {"velocity": slice(3), "angular_velocity": slice(3, 6), "joint_velocity": slice(6, None)}
 _OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 
@@ -73,28 +74,31 @@ class Sensing:
         for name in sensors:
             if name not in self.shapes:
                 raise UnknownOptionError("sensor", name, self.shapes)
-        qpos = np.concatenate([self._read(sensors, name) for name in _POSE])
-        qvel = np.concatenate([self._read(sensors, name) for name in _MOTION])
+        qpos, qvel = np.empty(self.robot.nq), np.empty(self.robot.nv)
+        for whole, parts in ((qpos, _POSE), (qvel, _MOTION)):
+            for name, part in parts.items():
+                whole[part] = self._read(sensors, name)
         force = self._forces(sensors)
-        if not isfinite(qpos.sum() + qvel.sum() + force.sum()):
+        flat = force.ravel()
+        # A number that is not finite makes a sum of squares that is not.
+        if not isfinite(qpos.dot(qpos) + qvel.dot(qvel) + flat.dot(flat)):
             for name, value in sensors.items():
                 check_finite(name, np.asarray(value))
-        w, x, y, z = qpos[3:7]
-        if not abs(w * w + x * x + y * y + z * z - 1.0) < 2.0 * _OFF_UNIT:
+        quaternion = qpos[3:7]
+        if not abs(quaternion.dot(quaternion) - 1.0) < 2.0 * _OFF_UNIT:
             raise InvalidValueError("orientation", sensors["orientation"], "a unit quaternion")
-        ticks = np.full(1, tick, np.int64)
-        return RobotState(qpos[None], qvel[None], force[None], ticks)
+        return RobotState(qpos[None], qvel[None], force[None], np.array([tick], np.int64))
 
     def _checked(self, state: RobotState, tick: int) -> RobotState:
         shapes = (1, self.robot.nq), (1, self.robot.nv), (1, *self.shapes[_FORCE])
         found = {}
         for name, shape in zip(RobotState._fields, shapes, strict=False):
-            part = np.ascontiguousarray(getattr(state, name), float)
+            part = contiguous(getattr(state, name))
             if part.shape != shape:
                 raise ShapeError(name, part.shape, f"{shape}, one {self.robot.name!r}")
             check_finite(name, part)
             found[name] = part
-        return RobotState(**found, tick=np.full(1, tick, np.int64))
+        return RobotState(**found, tick=np.array([tick], np.int64))
 
     def _read(self, sensors: Mapping[str, Any], name: str) -> np.ndarray:
         return read(sensors, name, self.shapes[name], SENSORS.get(name, ""), self.robot.name)
@@ -102,10 +106,10 @@ class Sensing:
     def _forces(self, sensors: Mapping[str, Any]) -> np.ndarray:
         """(P, 3) N."""
         if TOUCH not in sensors:
-            return np.ascontiguousarray(self._read(sensors, _FORCE), float)
+            return contiguous(self._read(sensors, _FORCE))
         touching = self._read(sensors, TOUCH)
         force = np.zeros((len(touching), 3))
-        force[:, 2] = self.weight * touching / max(touching.sum(), 1.0)
+        force[:, 2] = self.weight * touching / max(np.add.reduce(touching), 1.0)
         return force
 
 

@@ -1,10 +1,15 @@
 """`task_space_position`: PD on the places of body and feet, through their Jacobians."""
 
+from dataclasses import replace
+
+import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
-from fbid_gym.actions.joint_gains import JointGains, sampled_growth
+from fbid_gym.actions.joint_gains import JointGains, growth, missing_damping, sampled_growth
 from fbid_gym.actions.ranges import Falling
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from tests.actions.cases import at_rest, home_of, layer_of, torque_of
 
@@ -38,7 +43,37 @@ def test_its_stiffness_is_steady_in_the_air(robot, loop_delay):
     for foot, leg in enumerate(stance.legs):
         jacobian = stance.terms.foot_jacobian[0, foot, : len(layer.reach.stiffness), 6:] * leg
         stiffness += jacobian.T @ (layer.reach.stiffness[:, None] * jacobian)
-    growth = sampled_growth(robot, stiffness, own.damping, 250, loop_delay)
-    assert growth < 1.0 + 1e-6
+    assert sampled_growth(robot, stiffness, own.damping, 250, loop_delay) < 1.0 + 1e-6
     joints = JointGains.of(robot, 250, Falling(3.4), 1.0, loop_delay)
     np.testing.assert_array_equal(own.damping, joints.damping)
+
+
+def test_standing_with_a_delay_it_knows_every_mode_decays(robot):
+    """By the differences of its torques where feet stay put, as the base moves and the joints."""
+    delay, small = 0.005, 1e-6
+    layer = layer_of("task_space_position", robot, 250, loop_delay=delay)
+    # What leads feet by the base's velocity is bounded, and no part of small motions.
+    legs = layer.reach.legs._replace(lead=0.0)
+    layer = replace(layer, reach=layer.reach._replace(legs=legs))
+    _, terms = at_rest(robot)
+    feet = terms.foot_jacobian[0, :, : legs.rows].reshape(-1, robot.nv)
+    moves = null_space(feet, rcond=1e-9)
+    count = moves.shape[1]
+    state, _ = at_rest(robot, 4 * count)
+    for k in range(count):
+        for side, row in ((small, 4 * k), (-small, 4 * k + 1)):
+            mujoco.mj_integratePos(robot.model, state.qpos[row], moves[:, k].copy(), side)
+            state.qvel[row + 2] = side * moves[:, k]
+    torque = torque_of(layer, state, *_home_at(robot, state))
+    back = np.linalg.solve(moves.T @ terms.mass_matrix[0] @ moves, moves[6:].T)
+    stiff, damped = (
+        -back @ (torque[first::4] - torque[first + 1 :: 4]).T / (2.0 * small) for first in (0, 2)
+    )
+    assert growth(stiff, damped, 250, delay) < 1.0 + 1e-5
+    asked = missing_damping(JointGains.of(robot, 250, Falling(3.4), 1.0, delay))
+    assert 0.0 <= legs.calm <= asked
+
+
+def _home_at(robot, state):
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    return home_of(robot, terms), terms

@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
 from fbid_gym.estimation import PRESETS, Sensors, sensors_of
+from fbid_gym.estimation.errors import find_errors
 from fbid_gym.estimation.legs import legs_of, mounting_of, place_foot
-from fbid_gym.estimation.random_numbers import MODULI, normal_pair, seeded, uniform
-from fbid_gym.quantities import RobotState
+from fbid_gym.estimation.random_numbers import normal, seeded, uniform
+from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots import load
 from fbid_gym.runtime.perception import Perception
 
@@ -44,18 +46,22 @@ def reading(sensors, ticks=1):
     return robot, state, found
 
 
-def test_the_generator_is_lecuyers():
-    first, second = 12345, 67890
-    row = np.array([first, second], np.int64)
-    for _ in range(100):
-        first, second = 40014 * first % MODULI[0], 40692 * second % MODULI[1]
-        expected = ((first - second) % (MODULI[0] - 1) + 1) / MODULI[0]
-        assert uniform(row) == expected
+def test_the_generator_is_vignas_and_normal_numbers_are():
+    """By Python's whole numbers, which have no end; tail and neighbours included."""
     row = seeded(np.random.default_rng(0))
-    drawn = np.array([normal_pair(row) for _ in range(20_000)])
-    for column in drawn.T:
-        assert stats.kstest(column, "norm").pvalue > 0.01
-    assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.03
+    first, second = map(int, row)
+    for _ in range(100):
+        expected = (((first >> 12) + (second >> 12)) % 2**52 + 0.5) / 2**52
+        mixed = (first ^ first << 23) % 2**64
+        first, second = second, mixed ^ second ^ mixed >> 18 ^ second >> 5
+        assert uniform(row) == expected
+    drawn = np.array([normal(row) for _ in range(100_000)])
+    assert stats.kstest(drawn, "norm").pvalue > 0.01
+    assert abs(np.corrcoef(drawn[1:], drawn[:-1])[0, 1]) < 0.01
+    beyond = np.abs(drawn[np.abs(drawn) > 3.0])  # 3.4427 is where the layers end
+    assert abs(len(beyond) / len(drawn) / (2.0 * stats.norm.sf(3.0)) - 1.0) < 0.2
+    assert stats.kstest(beyond, lambda x: 1.0 - stats.norm.sf(x) / stats.norm.sf(3.0)).pvalue > 0.01
+    assert np.isfinite([normal(np.zeros(2, np.int64)), uniform(np.zeros(2, np.int64))]).all()
 
 
 def test_sensors_that_do_not_err_read_the_truth():
@@ -91,6 +97,33 @@ def test_noise_bias_and_drift_are_those_of_the_table():
     ):
         assert abs(values.std() / expected - 1.0) < spread
         assert abs(values.mean()) < 4.5 * expected / np.sqrt(values.size)
+
+
+def test_errors_are_by_how_much_robots_were_moved(rng):
+    """Turned about the vertical, tilted, shifted and sped up; the same for one robot as for all."""
+    robot = load("go1")
+    actual, seen = states(robot, rng, 20), states(robot, rng, 20)
+    heading, tilt = rng.uniform(-3.0, 3.0, 20), rng.uniform(0.0, 1.0, 20)
+    aside, shift, speed = rng.standard_normal((3, 20, 3))
+    axis = aside * [1.0, 1.0, 0.0] / np.linalg.norm(aside[:, :2], axis=1)[:, None]
+    turned = Rotation.from_euler("z", heading[:, None]) * Rotation.from_rotvec(tilt[:, None] * axis)
+    turned = turned * Rotation.from_quat(np.roll(actual.qpos[:, 3:7], -1, axis=1))
+    seen.qpos[:, 3:7] = np.roll(turned.as_quat(), 1, axis=1)
+    seen.qpos[:, :3] = actual.qpos[:, :3] + shift
+    seen.qvel[:, :3] = Rotation.from_euler("z", heading[:, None]).apply(actual.qvel[:, :3]) + speed
+    contact = rng.random((20, robot.num_feet)) < 0.5
+    own = Stance.of(robot).geometry.foot_of_point, 0.1 * robot.weight, contact
+    found = find_errors(actual, seen, *own)
+    size = np.linalg.norm
+    for name, expected in {
+        "tilt": tilt, "heading": heading, "velocity": size(speed, axis=1), "height": shift[:, 2],
+        "drift": size(shift[:, :2], axis=1), "contact": 1.0 - contact.mean(axis=1),
+    }.items():  # fmt: skip
+        np.testing.assert_allclose(getattr(found, name), expected, atol=1e-12)
+    for i in range(20):
+        rows = np.array([i])
+        alone = find_errors(some_of(actual, rows), some_of(seen, rows), *own[:2], contact[rows])
+        np.testing.assert_array_equal(np.array(alone)[:, 0], np.array(found)[:, i])
 
 
 def test_steps_ranges_and_wrong_contacts():

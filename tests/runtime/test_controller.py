@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -188,7 +189,7 @@ def test_a_policy_that_does_not_fit_is_refused():
         Controller.load(shipped, action_layer="com_wrench", layer_options={"footholds": False})
     with pytest.raises(UnknownOptionError, match=r"environment 'mine/Walk-v0'.*task='walk'"):
         own = Policy.load(shipped)
-        Controller.load(Policy(**{**vars(own), "env_id": "mine/Walk-v0"}))
+        Controller.load(replace(own, env_id="mine/Walk-v0"))
     with pytest.raises(PolicyFileError, match="observation_size 62.*Expected 97"):
         Controller.load(shipped, height_scan=True)
     walker = Controller.load(shipped)

@@ -1,0 +1,96 @@
+"""By how much an estimate errs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.vectors import cross, dot, subtract, vector
+from fbid_gym.quantities import RobotState
+
+ERRORS = {
+    "estimate_tilt_error": "rad, between the vertical and what the robot takes for it",
+    "estimate_velocity_error": "m/s, of the base, along the robot's own heading",
+    "estimate_height_error": "m, of the base; it drifts from step to step",
+    "estimate_heading_error": "rad; no sensor tells it, it drifts",
+    "estimate_drift": "m, horizontally, since the episode began; it drifts as well",
+    "estimate_contact_error": "share of the feet whose contact is told wrong",
+    "estimate_restarts": "how often the estimate was lost and begun anew in this episode",
+}
+"""Entries of the info, with their unit."""
+
+
+class Errors(NamedTuple):
+    """Errors of N robots, the first of `ERRORS`: (N,) each."""
+
+    tilt: np.ndarray
+    velocity: np.ndarray
+    height: np.ndarray
+    heading: np.ndarray
+    drift: np.ndarray
+    contact: np.ndarray
+
+
+@kernel
+def find_errors(
+    actual: RobotState,
+    seen: RobotState,
+    foot_of_point: np.ndarray,
+    threshold: float,
+    contact: np.ndarray,
+) -> Errors:
+    """Compare where robots are with where they believe to be.
+
+    Args:
+        actual: where they are.
+        seen: what they believe.
+        foot_of_point: (P,) int64.
+        threshold: N, on a foot that stands.
+        contact: (N, F) bool, which feet are told to.
+    """
+    count, feet = contact.shape
+    errors = Errors(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.zeros(count),
+    )
+    _compare(actual, seen, foot_of_point, threshold, contact, errors, np.empty(feet))
+    return errors
+
+
+@compiled
+def _compare(
+    actual: RobotState,
+    seen: RobotState,
+    foot_of_point: np.ndarray,
+    threshold: float,
+    contact: np.ndarray,
+    errors: Errors,
+    load: np.ndarray,
+) -> None:
+    """Write the errors; `load` (F,) is a buffer."""
+    for i in range(len(contact)):
+        true, own = rotation_at(actual.qpos, i, 3), rotation_at(seen.qpos, i, 3)
+        aside = cross(true[2], own[2])
+        errors.tilt[i] = np.arctan2(np.sqrt(dot(aside, aside)), dot(true[2], own[2]))
+        # True heading to own, about the vertical: of own true^T.
+        turned = dot(own[1], true[0]) - dot(own[0], true[1])
+        angle = np.arctan2(turned, dot(own[0], true[0]) + dot(own[1], true[1]))
+        errors.heading[i] = angle
+        cosine, sine = np.cos(angle), np.sin(angle)
+        x, y, z = vector(actual.qvel, (i,))
+        along = (cosine * x - sine * y, sine * x + cosine * y, z)
+        off = subtract(vector(seen.qvel, (i,)), along)
+        errors.velocity[i] = np.sqrt(dot(off, off))
+        away = subtract(vector(seen.qpos, (i,)), vector(actual.qpos, (i,)))
+        errors.height[i], errors.drift[i] = away[2], np.hypot(away[0], away[1])
+        for foot in range(len(load)):
+            load[foot] = 0.0
+        for point in range(len(foot_of_point)):
+            load[foot_of_point[point]] += actual.contact_force[i, point, 2]
+        for foot in range(len(load)):
+            errors.contact[i] += ((load[foot] > threshold) != contact[i, foot]) / len(load)
