@@ -1,17 +1,14 @@
 """[M10] III-B.3: eq. (15) gives the least torque, and what limits on the forces add to it."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
-from eval.page.figures import lines, traces
-from eval.page.html import figure, text
-from eval.papers.experiment import Finding, Result, Setting, experiment, judged
+from eval.papers.experiment import Numbers, Setting, experiment
 from eval.papers.inertial_parameters.estimation import free_motions
 from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
 from eval.papers.mistry2010.laws import equation
-from eval.wording import number, percent
 from fbid_gym.control import (
     ContactLimits,
     LimitedInverseDynamics,
@@ -146,7 +143,7 @@ def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
     all joints, relative to eq. (15).""",
     minutes=0.3,
 )
-def claim_minimum_norm(setting: Setting) -> Result:
+def claim_minimum_norm(setting: Setting) -> tuple[Numbers, Numbers]:
     """Compare torques along the references of the biped's motions."""
     robot, every = load("biped"), setting.pick(10, 40)
     motions = {
@@ -155,9 +152,9 @@ def claim_minimum_norm(setting: Setting) -> Result:
         "squat at 2 Hz": periodic_squat(robot, frequency=2.0),
         "stepping": stepping(robot),
     }
-    rows: list[dict[str, Any]] = []
-    for (name, motion), _ in setting.progress.each(motions.items(), lambda item: item[0]):
-        problems = {size: posed(robot, motion, every, size) for size in SIZES}
+    rows: list[Numbers] = []
+    for name in setting.each(motions):
+        problems = {size: posed(robot, motions[name], every, size) for size in SIZES}
         problem = problems[ADDED]
         least = np.linalg.norm(problem.least, axis=1)
         others = _others(problem, np.random.default_rng(0))
@@ -174,89 +171,19 @@ def claim_minimum_norm(setting: Setting) -> Result:
                 "by_friction": [compared(problem, mu) for mu in FRICTION],
             }
         )
-    numbers = {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}
-    time = np.arange(0, motion.period, every) / motion.hz
-    return Result(findings(rows), numbers, _body(rows, problem, time))
-
-
-def findings(rows: list[dict[str, Any]]) -> list[Finding]:
-    """The property, and what moves away from it."""
-    at, below = SIZES.index(ADDED), min(row["below"] for row in rows)
-    ratio = [row["by_size"][at]["ratio"] for row in rows]
-    still = [row["by_size"][0]["ratio"] for row in rows]
-    faults = (
-        f"{row['name']} {percent(row['by_size'][0]['impossible'])} and "
-        f"{percent(row['by_size'][at]['impossible'])}"
-        for row in rows
-    )
-    return [
-        judged(
-            "least norm: other torques with the same motion, how much smaller at best, N·m",
-            "none is smaller",
-            "none is smaller" if below >= -1e-9 else f"{-below:.1e}",
-            "none is smaller",
-            below >= -1e-9,
-        ),
-        Finding(
-            "eq. (15) against its formula with a null-space basis, and against eq. (7)",
-            "the same",
-            f"differ by {max(r['literal'] for r in rows):.0e} N·m and by "
-            f"{max(r['projected'] for r in rows):.0e} N·m",
-        ),
-        Finding(
-            f"|τ| with forces limited to friction {ASSUMED:g}, of eq. (15)'s, along the references",
-            "",
-            f"{number(min(still))} to {number(max(still))}",
-        ),
-        Finding(
-            f"the same with {ADDED:g} m/s² of the base asked for beside",
-            "",
-            f"{number(min(ratio))} to {number(max(ratio))}",
-        ),
-        Finding(
-            "ticks at which eq. (15)'s forces would pull or slip, without and with that",
-            "assumed not to matter",
-            "; ".join(faults),
-        ),
-    ]
-
-
-def _body(rows: list[dict[str, Any]], problem: Problem, time: np.ndarray) -> list[str]:
-    """Draw the sweeps, and the torques of the last motion over time."""
-
-    def curves(sweep: str, what: str) -> list[tuple[str, int, list[float]]]:
-        return [(row["name"], k, [cell[what] for cell in row[sweep]]) for k, row in enumerate(rows)]
-
-    asked, found = "base acceleration added, m/s²", limited(problem, ASSUMED)
-    impossible, missed = curves("by_size", "impossible"), curves("by_size", "missed")
-    least, size = (np.linalg.norm(torque, axis=1) for torque in (problem.least, found.torque))
-    sizes = f"|τ|, {rows[-1]['name']} with {ADDED:g} m/s², N·m"
-    return [
-        figure(
-            [
-                lines(
-                    SIZES, impossible, "Ticks at which eq. (15) pulls or slips", asked,
-                    (0.0, 1.02), percent,
-                ),
-                lines(SIZES, missed, "Wrench missed, of the weight", asked),
-                lines(SIZES, curves("by_size", "ratio"), "|τ| limited, of eq. (15)'s", asked),
-                lines(
-                    FRICTION, curves("by_friction", "ratio"), f"The same at {ADDED:g} m/s²",
-                    "friction",
-                ),
-                traces(time, [("eq. (15)", 0, least), ("limited", 2, size)], sizes),
-                traces(
-                    time, [("limited", 2, found.residual)],
-                    "Wrench missed by the same, of the weight",
-                ),
-            ],
-            "At the references' states, with horizontal accelerations of the base in random "
-            "directions added, as a balance controller would after a push.",
-        ),
-        text(
-            "Two things move the limited form away from the least torque. Where no limit is felt "
-            "it takes the least contact forces, not the least torques; in a squat, the same on "
-            "both sides, these are the same. Where a limit is felt, the forces deliver less than "
-            "is asked for, the motion gives way, and the torque is smaller, too."
-        ),
-    ]  # fmt: skip
+    found = limited(problem, ASSUMED)
+    norms = (np.linalg.norm(torque, axis=1) for torque in (problem.least, found.torque))
+    sweeps = {
+        f"{what} {sweep}": [(r["name"], k, [c[what] for c in r[sweep]]) for k, r in enumerate(rows)]
+        for sweep in ("by_size", "by_friction")
+        for what in ("ratio", "missed", "impossible")
+    }
+    return {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}, {
+        **{"ASSUMED": ASSUMED, "ADDED": ADDED, "sweeps": sweeps},
+        "below": min(r["below"] for r in rows),
+        "still": [r["by_size"][0] for r in rows],
+        "moving": [r["by_size"][SIZES.index(ADDED)] for r in rows],
+        "time": np.arange(0, motions[name].period, every) / motions[name].hz,
+        "torques": list(zip(("eq. (15)", "limited"), (0, 2), norms, strict=True)),
+        "residual": [("limited", 2, found.residual)],
+    }
