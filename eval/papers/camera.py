@@ -82,7 +82,7 @@ class Camera:
         moments = np.arange(0.0, min(log.time[-1], seconds), 1.0 / fps)
         rows = log.at(moments)
         qpos, push = log["qpos"][rows, 0], log["push"][rows, 0]
-        told = zip(moments, np.linalg.norm(push, axis=1), strict=True)
+        told = zip(moments.tolist(), np.linalg.norm(push, axis=1).tolist(), strict=True)
         labels = [f"{moment:.1f} s" + f", {force:.0f} N" * (force > 0) for moment, force in told]
         pictures = self.draw(zip(qpos, push, labels, strict=True))
         return Clip(pictures, fps, push, None).mp4(30)

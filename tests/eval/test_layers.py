@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval import layers
-from eval.layers import holm, main
+from eval.layers import main
 from eval.zero_actions.measures import scores_of
 from fbid_gym import actions
 from fbid_gym.envs.env_batch import EnvBatch
@@ -109,12 +109,6 @@ def test_who_falls_earns_nothing_from_there_on() -> None:
     up = np.array([[True, True], [True, False], [True, False]])
     scores = scores_of({"up": up, "reward": np.full((3, 2), 0.5)}, steps=4)
     np.testing.assert_allclose(scores, [1.5 / 4, 0.5 / 4])
-
-
-def test_holm_is_never_less_than_the_value_nor_out_of_order() -> None:
-    """The example of Holm's paper: three values, the second kept from falling below the first."""
-    adjusted = holm({"a": 0.01, "b": 0.011, "c": 0.9})
-    assert adjusted == pytest.approx({"a": 0.03, "b": 0.03, "c": 0.9})
 
 
 def test_a_file_may_be_registered_where_a_module_may(tmp_path: Path) -> None:

@@ -7,10 +7,8 @@ import numpy as np
 
 from eval.page.figures import Marks
 from eval.papers.experiment import Numbers, Setting, experiment
-from eval.papers.mistry2010.laws import equation
+from eval.papers.mistry2010.laws import posed
 from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.robots import Robot, load
 
 JUMP = 0.5
@@ -87,12 +85,11 @@ def _laws(
     robot: Robot, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q by Householder reflections, eq. (15) as printed, and our law: a row for each state."""
-    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(contact_geometry(robot), terms)
-    solution = orthogonal_inverse_dynamics(*equation(terms, contacts, command))
-    q, _ = np.linalg.qr(contacts.jacobian.mT, mode="complete")
-    free = q[:, :, contacts.jacobian.shape[1] :].mT  # S_u Q^T
-    force = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
+    asked, _ = posed(robot, qpos, qvel, command)
+    solution = orthogonal_inverse_dynamics(*asked)
+    q, _ = np.linalg.qr(asked.jacobian.mT, mode="complete")
+    free = q[:, :, asked.jacobian.shape[1] :].mT  # S_u Q^T
+    force = np.matvec(asked.mass_matrix, solution.acceleration) + asked.bias
     literal = np.matvec(np.linalg.pinv(free[:, :, 6:]) @ free, force)
     return q, literal, np.asarray(solution.torque)
 

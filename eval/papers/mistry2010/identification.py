@@ -22,12 +22,10 @@ from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.exciting import NOISE, STANCES, carrying_out, exciting, measured
-from eval.papers.mistry2010.laws import equation, limited, orthogonal
+from eval.papers.mistry2010.laws import limited, orthogonal, planned_points, posed
 from eval.papers.trial import RATES, Trial, simulate
 from eval.papers.wrong_models import believing, wrong_model
 from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.motions import MotionTable, Steps, periodic_squat, squat_bow, stepping
 from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot, load
@@ -66,9 +64,9 @@ def held_out(robot: Robot) -> dict[str, tuple[MotionTable, Target]]:
 
 def feedforward(model: Robot, motion: Target) -> np.ndarray:
     """Return the torques (T, n) N·m of eq. (15) along a motion, by a model."""
-    terms, geometry = MuJoCoDynamics(model).terms(motion.qpos, motion.qvel), contact_geometry(model)
-    contacts = reduced_contacts(geometry, terms, motion.planted[:, geometry.foot_of_point])
-    return orthogonal_inverse_dynamics(*equation(terms, contacts, motion.qacc)).torque
+    points = planned_points(model, motion)
+    asked, _ = posed(model, motion.qpos, motion.qvel, motion.qacc, points)
+    return orthogonal_inverse_dynamics(*asked).torque
 
 
 def feedforward_of(
@@ -78,12 +76,11 @@ def feedforward_of(
 
     The motions are consistent with their contacts, so eq. (15) can be taken at its word.
     """
-    robot = regressor.robot
-    terms, geometry = MuJoCoDynamics(robot).terms(motion.qpos, motion.qvel), contact_geometry(robot)
-    contacts = reduced_contacts(geometry, terms, motion.planted[:, geometry.foot_of_point])
-    rows, _ = free_motions(contacts.jacobian)
-    force = regressor.rows(motion.qpos, motion.qvel, motion.qacc) @ parameters.ravel()
-    force += regressor.armature * motion.qacc
+    qpos, qvel, qacc = motion.qpos, motion.qvel, motion.qacc
+    points = planned_points(regressor.robot, motion)
+    asked, _ = posed(regressor.robot, qpos, qvel, qacc, points)
+    rows, _ = free_motions(asked.jacobian)
+    force = regressor.rows(qpos, qvel, qacc) @ parameters.ravel() + regressor.armature * qacc
     inverse = np.linalg.pinv(rows[:, :, 6:], rcond=1e-6)
     return np.asarray(np.matvec(inverse, np.matvec(rows, force)))
 

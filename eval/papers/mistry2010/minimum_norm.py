@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 from eval.papers.experiment import Numbers, Setting, experiment
 from eval.papers.inertial_parameters.estimation import free_motions
 from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
-from eval.papers.mistry2010.laws import equation
+from eval.papers.mistry2010.laws import planned_points, posed
 from fbid_gym.control import (
     ContactLimits,
     LimitedInverseDynamics,
@@ -16,12 +16,9 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
-from fbid_gym.quantities import ReducedContacts
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import load
 
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
 ASSUMED = 0.7
@@ -36,46 +33,38 @@ _EDGES = 12
 
 
 class Problem(NamedTuple):
-    """Accelerations that are asked for at T states of a motion.
+    """Accelerations that are asked for at T states of a motion of the biped.
 
     Attributes:
-        robot: whose motion.
         asked: equation of motion with these accelerations.
         achieved: the same with the nearest that the contacts allow.
+        force: (T, nv) generalized forces of these motions, M a + h.
         least: (T, n) N·m of eq. (15).
-        contacts: planned.
-        active: (T, P) bool, their points.
+        point_map: (T, k, 3 P) from forces of the contact points to rows of contacts.
+        active: (T, P) bool, points that are planned to be down.
     """
 
-    robot: Robot
     asked: Equation
     achieved: Equation
+    force: np.ndarray
     least: np.ndarray
-    contacts: ReducedContacts
+    point_map: np.ndarray
     active: np.ndarray
 
-    @property
-    def force(self) -> np.ndarray:
-        """(T, nv) generalized forces of these motions, M a + h."""
-        mass, bias, _, acceleration, _ = self.achieved
-        return np.matvec(mass, acceleration) + bias
 
-
-def posed(robot: Robot, motion: MotionTable, every: int, size: float) -> Problem:
+def problem_of(motion: MotionTable, every: int, size: float) -> Problem:
     """Ask for the reference's accelerations and `size` m/s^2 of the base in random directions."""
-    rows = np.arange(0, motion.period, every)
+    robot, rows = load("biped"), np.arange(0, motion.period, every)
     reference = motion.reference(rows, np.zeros(len(rows)))
-    terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
-    geometry = contact_geometry(robot)
-    active = reference.planted[:, geometry.foot_of_point]
-    contacts = reduced_contacts(geometry, terms, active)
+    active = planned_points(robot, reference)
     angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
     command = reference.qacc.copy()
     command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    asked = equation(terms, contacts, command)
+    asked, point_map = posed(robot, reference.qpos, reference.qvel, command, active)
     found = orthogonal_inverse_dynamics(*asked, base_priority=_BASE_FIRST)
-    achieved = equation(terms, contacts, found.acceleration)
-    return Problem(robot, asked, achieved, found.torque, contacts, active)
+    force = np.matvec(asked.mass_matrix, found.acceleration) + asked.bias
+    achieved = asked._replace(acceleration=found.acceleration)
+    return Problem(asked, achieved, force, found.torque, point_map, active)
 
 
 def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
@@ -83,10 +72,10 @@ def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
     return limited_inverse_dynamics(
         *problem.asked,
         ContactLimits(friction),
-        point_map=problem.contacts.point_map,
+        point_map=problem.point_map,
         active=problem.active,
         base_priority=_BASE_FIRST,
-        length=Stance.of(problem.robot).radius,
+        length=Stance.of(load("biped")).radius,
         accuracy=DEFAULT_ACCURACY._replace(max_iterations=50),
     )
 
@@ -120,15 +109,14 @@ def _impossible(problem: Problem, friction: float) -> np.ndarray:
     A sole's four points can share its wrench in many ways. It counts as possible if any of them
     keeps every point's force within its friction cone, here a pyramid of 12 edges.
     """
-    load = problem.force
-    load[:, 6:] -= problem.least
-    points = problem.achieved.jacobian.mT @ problem.contacts.point_map
+    left = problem.force - np.pad(problem.least, [(0, 0), (6, 0)])
+    points = problem.achieved.jacobian.mT @ problem.point_map
     angle = np.arange(_EDGES) * 2 * np.pi / _EDGES
     edges = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_EDGES)])
     spread = points.reshape(*points.shape[:2], -1, 3) @ edges
     spread = spread.reshape(*points.shape[:2], -1)
-    missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
-    return np.array(missed) > 1e-3 * problem.robot.weight
+    missed = [nnls(s, f)[1] for s, f in zip(spread, left, strict=True)]
+    return np.array(missed) > 1e-3 * load("biped").weight
 
 
 def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -154,7 +142,7 @@ def claim_minimum_norm(setting: Setting) -> tuple[Numbers, Numbers]:
     }
     rows: list[Numbers] = []
     for name in setting.each(motions):
-        problems = {size: posed(robot, motions[name], every, size) for size in SIZES}
+        problems = {size: problem_of(motions[name], every, size) for size in SIZES}
         problem = problems[ADDED]
         least = np.linalg.norm(problem.least, axis=1)
         others = _others(problem, np.random.default_rng(0))

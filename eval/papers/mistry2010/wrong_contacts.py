@@ -7,12 +7,11 @@ import numpy as np
 from eval.papers.experiment import Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
-from eval.papers.mistry2010.laws import ESTIMATED, Law, equation, limited, measured, orthogonal
+from eval.papers.mistry2010.laws import ESTIMATED, Law, limited, measured, orthogonal, posed
 from eval.papers.trial import RATES, Trial, simulate
 from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import MotionTable, stepping
 from fbid_gym.quantities import RobotState, Target
@@ -75,19 +74,17 @@ def _summary(log: Log, robot: Robot) -> Numbers:
 
 def _static(robot: Robot, count: int) -> Numbers:
     """Eq. (15) at random states with every number of points believed down: how large is tau?"""
-    rng, geometry = np.random.default_rng(5), contact_geometry(robot)
-    points = geometry.num_points
+    rng, points = np.random.default_rng(5), robot.num_points
     qpos = np.tile(robot.home_qpos, (count, 1))
     joints = qpos[:, 7:] + rng.normal(size=(count, robot.num_joints)) * 0.4
     qpos[:, 7:] = np.clip(joints, *robot.joint_range.T)
     qpos[:, 3], qpos[:, 4:7] = 1.0, 0.15 * rng.normal(size=(count, 3))
     qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
-    terms = MuJoCoDynamics(robot).terms(qpos, rng.normal(size=(count, robot.nv)))
-    command = 3.0 * rng.normal(size=(count, robot.nv))
+    qvel, command = (size * rng.normal(size=(count, robot.nv)) for size in (1.0, 3.0))
     down = rng.integers(0, points + 1, count)
     order = rng.permuted(np.tile(np.arange(points), (count, 1)), axis=1)
-    contacts = reduced_contacts(geometry, terms, order < down[:, None])
-    torque = orthogonal_inverse_dynamics(*equation(terms, contacts, command)).torque
+    asked, _ = posed(robot, qpos, qvel, command, order < down[:, None])
+    torque = orthogonal_inverse_dynamics(*asked).torque
     by_count = [np.abs(torque).max(axis=1)[down == k] for k in range(points + 1)]
     return {
         "finite": bool(np.isfinite(torque).all()),

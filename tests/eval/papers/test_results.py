@@ -19,6 +19,7 @@ from eval.papers.experiment import (
     perform,
     row,
 )
+from eval.papers.mistry2010.continuity import claim_continuity
 from eval.papers.page import Section, page, summary
 from eval.papers.registry import Paper, experiments
 from fbid_gym.errors import RunError, UnknownOptionError
@@ -49,8 +50,8 @@ def example(setting: Setting) -> tuple[Numbers, Numbers]:
 @pytest.fixture(autouse=True)
 def section(monkeypatch: pytest.MonkeyPatch) -> None:
     """The example's template."""
-    loader = jinja2.DictLoader({"papers/example.html": SECTION})
-    monkeypatch.setattr(html._TEMPLATES, "loader", loader)
+    own, known = jinja2.DictLoader({"papers/example.html": SECTION}), html._TEMPLATES.loader
+    monkeypatch.setattr(html._TEMPLATES, "loader", jinja2.ChoiceLoader([own, known]))
 
 
 def test_a_result_is_read_as_it_was_saved(tmp_path: Path) -> None:
@@ -83,17 +84,15 @@ def test_experiments_are_chosen_by_their_names_or_their_papers() -> None:
         for one in some:
             assert one.title and one.about and one.minutes > 0.0
             assert one.command(True) == f"python -m eval.papers --only {one.name} --quick"
+            html._environment().get_template(f"papers/{one.name}.html")  # every filter exists
     ((_, some),) = experiments(("fig2_push", "garofalo2015"))
     assert some == every[1][1]
     with pytest.raises(UnknownOptionError, match="fig9.*fig2_push"):
         experiments(("fig9",))
 
 
-def test_page_and_summary_hold_every_number_that_the_paper_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path: Path) -> None:
     perform(example, tmp_path, quick=True)
-    monkeypatch.undo()
     found = load(example, tmp_path)
     assert found is not None
     shown = Section(example, *found, "python -m x"), Section(example, None, "<b>", "python -m y")
@@ -105,6 +104,13 @@ def test_page_and_summary_hold_every_number_that_the_paper_has(
     made = page(papers, "python -m eval.papers", 80.0, quick=False)
     assert "0 of 1 targets met" in made and "One experiment did not run to the end" in made
     assert "<b>drawn</b>" in made and "&lt;b&gt;" in made and "something of ours" in made
+
+
+def test_an_experiment_of_a_paper_from_measuring_to_its_section(tmp_path: Path) -> None:
+    run = perform(claim_continuity, tmp_path, quick=True)
+    assert [finding.verdict for finding in run.findings] == ["met", "shown", "shown"]
+    found = load(claim_continuity, tmp_path)
+    assert found is not None and found[1].count("<svg") == 4
 
 
 def test_progress_goes_through_parts_within_parts(tmp_path: Path) -> None:

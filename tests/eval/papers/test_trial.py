@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from eval.papers.camera import Camera
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import orthogonal
@@ -99,3 +100,15 @@ def test_statistics_end_with_a_fall():
     first, second = log.groups(2)
     np.testing.assert_array_equal(first["what"], values[:, :2])
     np.testing.assert_array_equal(second.fell, [0.0])
+
+
+def test_pictures_are_of_the_moments_that_a_log_has(robot):
+    qpos = np.tile(robot.home_qpos, (4, 1, 1))
+    qpos[2:, 0, 2] -= 0.2
+    log = Log(
+        0.1 * np.arange(4), np.full(1, np.nan), {"qpos": qpos, "push": 50.0 + 0.0 * qpos[:, :, :3]}
+    )
+    camera = Camera(robot, 640, 480)
+    first, last = camera.strip(log, [0.0, 0.2, 9.0])
+    assert first.shape == (480, 640, 3) and (first != last).any()
+    assert camera.film(log, 10.0)[4:8] == b"ftyp"
