@@ -146,17 +146,30 @@ def estimate(
         prior_weight: w, how strongly the estimate is drawn to the nominal parameters.
         total_mass: kg, if the robot was weighed; the estimate then has this mass.
     """
-    nominal, size = regressor.parameters(), np.sqrt(data.square)
-    steps, excitation = natural_steps(nominal), excitation_of(regressor, data.matrix / size)
+    nominal = regressor.parameters()
+    steps, effect, error = scaled(data, nominal)
     change = fit(
-        by_steps(data.matrix, steps) / size,
-        (data.target - data.matrix @ nominal.ravel()) / size,
+        effect,
+        error,
         prior_weight,
         # How much each step adds to the total mass, and how much of it is missing.
         None if total_mass is None else (steps[:, 0].ravel(), total_mass / nominal[:, 0].sum()),
     )
     parameters = nominal + np.matvec(steps, change.reshape(-1, 10))
+    excitation = excitation_of(regressor, steps, effect)
     return Identification(regressor, parameters, data.residual(parameters), excitation)
+
+
+def scaled(data: Regression, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a regression in natural steps, in units of the norm of its right-hand sides.
+
+    Returns:
+        The steps (B, 10, 10) from nominal parameters (B, 10), what each does, (p, p), and what is
+        left to explain, (p,).
+    """
+    steps, size = natural_steps(nominal), np.sqrt(data.square)
+    error = (data.target - data.matrix @ nominal.ravel()) / size
+    return steps, by_steps(data.matrix / size, steps), error
 
 
 def free_motions(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

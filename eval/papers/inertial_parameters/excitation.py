@@ -82,15 +82,17 @@ class Excitation(NamedTuple):
     untold: tuple[str, ...]
 
 
-def excitation_of(regressor: InertialRegressor, rows: np.ndarray) -> Excitation:
-    """Judge data by the effect of the parameters on them.
+def excitation_of(
+    regressor: InertialRegressor, steps: np.ndarray, effect: np.ndarray
+) -> Excitation:
+    """Judge data by what natural steps (B, 10, 10) do to them.
 
     Args:
         regressor: of the nominal robot.
-        rows: (r, 10 B) what the parameters do to the data, in units of the norm of the data.
+        steps: its natural steps.
+        effect: (r, 10 B) of each on the data, in units of the norm of the data.
     """
-    steps = natural_steps(regressor.parameters())
-    _, sizes, directions = np.linalg.svd(by_steps(rows, steps))
+    _, sizes, directions = np.linalg.svd(effect)
     sizes = np.concatenate([sizes, np.zeros(len(directions) - len(sizes))])
     dimension = int((sizes > RESOLUTION).sum())
     # Each parameter as a combination of steps, and how much of it lies in what the data leave open.

@@ -15,8 +15,9 @@ from eval.papers.inertial_parameters.estimation import (
     estimate,
     free_motions,
     regression,
+    scaled,
 )
-from eval.papers.inertial_parameters.excitation import RESOLUTION, by_steps, natural_steps
+from eval.papers.inertial_parameters.excitation import RESOLUTION
 from eval.papers.inertial_parameters.inertia import consistency
 from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.log import Log
@@ -93,12 +94,8 @@ def rms(values: Any) -> float:
 def plain_least_squares(regressor: InertialRegressor, data: Regression) -> np.ndarray:
     """Return the parameters (B, 10) of least squares, nearest to nominal where data are silent."""
     nominal = regressor.parameters()
-    steps, size = natural_steps(nominal), np.sqrt(data.square)
-    change, *_ = np.linalg.lstsq(
-        by_steps(data.matrix, steps) / size,
-        (data.target - data.matrix @ nominal.ravel()) / size,
-        rcond=RESOLUTION,
-    )
+    steps, effect, error = scaled(data, nominal)
+    change, *_ = np.linalg.lstsq(effect, error, rcond=RESOLUTION)
     return np.asarray(nominal + np.matvec(steps, change.reshape(-1, 10)))
 
 

@@ -1,7 +1,5 @@
 """Results of the papers' experiments are read as they were saved, or refused in one sentence."""
 
-from pathlib import Path
-
 import jinja2
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from eval.files import read_json
 from eval.page import html
 from eval.papers.experiment import (
     Finding,
-    Numbers,
     Setting,
     curves,
     experiment,
@@ -39,7 +36,7 @@ SECTION = """{% set target = "at most 0.1 rad" %}
     """What was
     done.""",
 )
-def example(setting: Setting) -> tuple[Numbers, Numbers]:
+def example(setting):
     """Find a number."""
     for _ in setting.each(("alone", "both"), 0.5):
         pass
@@ -48,13 +45,13 @@ def example(setting: Setting) -> tuple[Numbers, Numbers]:
 
 
 @pytest.fixture(autouse=True)
-def section(monkeypatch: pytest.MonkeyPatch) -> None:
+def section(monkeypatch):
     """The example's template."""
     own, known = jinja2.DictLoader({"papers/example.html": SECTION}), html._TEMPLATES.loader
     monkeypatch.setattr(html._TEMPLATES, "loader", jinja2.ChoiceLoader([own, known]))
 
 
-def test_a_result_is_read_as_it_was_saved(tmp_path: Path) -> None:
+def test_a_result_is_read_as_it_was_saved(tmp_path):
     assert example.about == "What was done." and example.name == "example"
     assert load(example, tmp_path) is None
     perform(example, tmp_path, quick=True)
@@ -70,14 +67,14 @@ def test_a_result_is_read_as_it_was_saved(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"[]", b"\x00" * 99, b'{"findings": 3}'])
-def test_damaged_results_are_refused_in_one_sentence(content: bytes, tmp_path: Path) -> None:
+def test_damaged_results_are_refused_in_one_sentence(content, tmp_path):
     perform(example, tmp_path, quick=False)
     (example.folder(tmp_path) / "numbers.json").write_bytes(content)
     with pytest.raises(RunError, match="example"):
         load(example, tmp_path)
 
 
-def test_experiments_are_chosen_by_their_names_or_their_papers() -> None:
+def test_experiments_are_chosen_by_their_names_or_their_papers():
     every = experiments(())
     assert [len(some) for _, some in every] == [11, 5]
     for _, some in every:
@@ -91,7 +88,7 @@ def test_experiments_are_chosen_by_their_names_or_their_papers() -> None:
         experiments(("fig9",))
 
 
-def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path: Path) -> None:
+def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path):
     perform(example, tmp_path, quick=True)
     found = load(example, tmp_path)
     assert found is not None
@@ -106,14 +103,14 @@ def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path: Path) -
     assert "<b>drawn</b>" in made and "&lt;b&gt;" in made and "something of ours" in made
 
 
-def test_an_experiment_of_a_paper_from_measuring_to_its_section(tmp_path: Path) -> None:
+def test_an_experiment_of_a_paper_from_measuring_to_its_section(tmp_path):
     run = perform(claim_continuity, tmp_path, quick=True)
     assert [finding.verdict for finding in run.findings] == ["met", "shown", "shown"]
     found = load(claim_continuity, tmp_path)
     assert found is not None and found[1].count("<svg") == 4
 
 
-def test_progress_goes_through_parts_within_parts(tmp_path: Path) -> None:
+def test_progress_goes_through_parts_within_parts(tmp_path):
     setting, told = Setting(path=tmp_path / "progress.json"), []
     for _ in setting.each(("first", "second"), 0.5):
         for _ in setting.each((("a", 1), ("b", 2))):
@@ -124,7 +121,7 @@ def test_progress_goes_through_parts_within_parts(tmp_path: Path) -> None:
     assert [told[k]["note"] for k in (1, 2, 4)] == ["first, b, 2", "second, a, 1", "last"]
 
 
-def test_curves_are_of_rows_or_of_points() -> None:
+def test_curves_are_of_rows_or_of_points():
     points = [{"law": law, "error": error} for law, error in (("b", 1), ("a", None), ("b", 2))]
     (_, colour, a), (_, _, b) = curves(points, "law", {"a": 3, "b": 1}, "error", 10.0)
     assert colour == 3 and np.isnan(a).all() and b.tolist() == [10.0, 20.0]

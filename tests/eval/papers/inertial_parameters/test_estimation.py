@@ -13,8 +13,9 @@ from eval.papers.inertial_parameters.estimation import (
     free_motions,
     projected_equations,
     regression,
+    scaled,
 )
-from eval.papers.inertial_parameters.excitation import by_steps, natural_steps
+from eval.papers.inertial_parameters.excitation import natural_steps
 from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     consistency,
@@ -291,10 +292,7 @@ def test_a_weak_prior_reaches_the_best_that_can_exist(nominal, samples, rng):
 
 def semidefinite_least_squares(data, nominal):
     """Least residual of parameters with pseudo-inertias P_b >= 0, by Clarabel."""
-    count, steps = len(nominal), natural_steps(nominal)
-    size = np.sqrt(data.square)
-    effect = by_steps(data.matrix, steps) / size
-    error = (data.target - data.matrix @ nominal.ravel()) / size
+    count, (steps, effect, error) = len(nominal), scaled(data, nominal)
     # Clarabel's triangle: columns of the upper triangle, off-diagonals times sqrt 2.
     rows, columns = np.triu_indices(4)
     order = np.lexsort((rows, columns))
