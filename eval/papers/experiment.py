@@ -20,6 +20,9 @@ from fbid_gym.errors import RunError
 
 OUT = Path("runs/papers")
 Numbers = dict[str, Any]
+Measured = tuple[Numbers, Numbers]
+"""All numbers of an experiment, as JSON can hold them, and what else its section shows."""
+
 Item = TypeVar("Item")
 
 
@@ -102,13 +105,13 @@ class Experiment:
         title: what it shows.
         about: what was done, in one or two sentences.
         minutes: that it takes, roughly; the longest are started first.
-        run: measures; returns all numbers, as JSON can hold them, and what else is to be shown.
+        run: measures.
     """
 
     title: str
     about: str
     minutes: float
-    run: Callable[[Setting], tuple[Numbers, Numbers]]
+    run: Callable[[Setting], Measured]
 
     @property
     def name(self) -> str:
@@ -132,7 +135,7 @@ class Experiment:
 
 def experiment(
     title: str, about: str, minutes: float = 1.0
-) -> Callable[[Callable[[Setting], tuple[Numbers, Numbers]]], Experiment]:
+) -> Callable[[Callable[[Setting], Measured]], Experiment]:
     """Make a function an experiment; see `Experiment`."""
     return lambda run: Experiment(title, " ".join(about.split()), minutes, run)
 

@@ -83,28 +83,6 @@ def test_a_file_that_cannot_be_used_is_one_line(
     assert list(tmp_path.glob("page*")) == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["no.py"], "Invalid file: 'no.py'. Expected the path of a Python file"),
-        (["--against", "magic"], "Unknown action layer 'magic'"),
-        (["--against"], "Invalid against: (). Expected one or more"),
-        (["--out", "page.txt"], "Invalid out: 'page.txt'"),
-        (["--only", "task=fly"], "Unknown task 'fly'. Valid choices: stand pushed by"),
-        (["--episodes", "0"], "Invalid episodes: 0"),
-    ],
-)
-def test_nonsense_is_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("error: ") and told.count("\n") == 1 and message in told
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_who_falls_earns_nothing_from_there_on() -> None:
     up = np.array([[True, True], [True, False], [True, False]])
     scores = scores_of({"up": up, "reward": np.full((3, 2), 0.5)}, steps=4)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer
 from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.pendulum import Pendulum
@@ -58,7 +58,7 @@ def largest(
     robot still stands {SECONDS - START:g} s later.""",
     minutes=2.2,
 )
-def largest_blow(setting: Setting) -> tuple[Numbers, Numbers]:
+def largest_blow(setting: Setting) -> Measured:
     """Search each balancer's limit in half the directions; the other half are their mirror."""
     robot = load("humanoid")
     angle = np.radians(np.linspace(0.0, 180.0, setting.pick(9, 3)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer
 from eval.papers.garofalo2015.bout import SIDEWAYS, Blow, bout
 from eval.papers.garofalo2015.pendulum import Pendulum
@@ -44,7 +44,7 @@ def outcome(log: Log) -> Numbers:
     and 30 %, in the balancer's model only; then the paper's blow.""",
     minutes=1.6,
 )
-def model_errors(setting: Setting) -> tuple[Numbers, Numbers]:
+def model_errors(setting: Setting) -> Measured:
     """Let each balancer believe in many wrong robots, and hit them."""
     robot, pendulum = load("humanoid"), Pendulum()
     count, sizes = setting.pick(24, 4), setting.pick(SIZES, (0.0, 0.3))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, ON_MOMENTUM, ON_VELOCITY, Balancer
 from eval.papers.garofalo2015.bout import SIDEWAYS, Blow, blow_numbers, bout
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
@@ -42,7 +42,7 @@ def hit(controller: Balancer, seconds: float, pendulum: Pendulum) -> Log:
     pendulum is a body of the simulation; gains are the paper's table 1.""",
     minutes=0.8,
 )
-def fig2_push(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig2_push(setting: Setting) -> Measured:
     """Hit a robot under each balancer, then vary what the paper leaves open."""
     robot, seconds = load("humanoid"), setting.pick(9.0, 4.0)
     variants = dict(list(VARIANTS.items())[: setting.pick(None, 2)])

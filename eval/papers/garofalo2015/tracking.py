@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, INVERSE, Balancer, stance_angular_momentum
 from eval.papers.garofalo2015.bout import Goal, GoalAt, balancing
 from eval.papers.log import Log
@@ -133,7 +133,7 @@ def left_out(robot: Robot, log: Log, index: int) -> dict[str, float]:
     and rates ahead.""",
     minutes=0.6,
 )
-def tracking(setting: Setting) -> tuple[Numbers, Numbers]:
+def tracking(setting: Setting) -> Measured:
     """Track at every frequency at once, under each balancer."""
     robot, hertz = load("humanoid"), setting.pick(HERTZ, (0.4, 1.0))
     plan = balancing(robot.home_qpos, goals(robot, swaying(np.array(hertz))))

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.garofalo2015.balancer import COLOUR, Balancer
 from eval.papers.garofalo2015.bout import Blow, balancing, blow_numbers, stay, struck
 from eval.papers.garofalo2015.pendulum import Pendulum, add_pendulum
@@ -125,7 +125,7 @@ def world(robot: Robot, block: Block, start: np.ndarray, pendulum: Pendulum) -> 
     blow, from either side.""",
     minutes=0.6,
 )
-def uneven(setting: Setting) -> tuple[Numbers, Numbers]:
+def uneven(setting: Setting) -> Measured:
     """Hit each balancer from both sides on each block."""
     robot, pendulum = load("humanoid"), Pendulum()
     blocks = {block.name: block for block in setting.pick(BLOCKS, (BLOCKS[0], BLOCKS[-1]))}

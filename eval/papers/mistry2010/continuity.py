@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from eval.page.figures import Marks
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Setting, experiment
 from eval.papers.mistry2010.laws import posed
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.robots import Robot, load
@@ -24,7 +24,7 @@ Walk = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
     12 constraints.""",
     minutes=0.3,
 )
-def claim_continuity(setting: Setting) -> tuple[Numbers, Numbers]:
+def claim_continuity(setting: Setting) -> Measured:
     """Walk along smooth paths of states and compare the changes of Q and of the torque."""
     robot = load("biped")
     steps, paths = setting.pick(4001, 1001), setting.pick(8, 3)

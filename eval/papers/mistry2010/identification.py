@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from eval.page.figures import Marks, Series
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.inertial_parameters.estimation import (
     Identification,
     Regression,
@@ -178,7 +178,7 @@ def tracked(robot: Robot, models: dict[str, Robot], seconds: float) -> list[Numb
     space, where contact forces do not appear, and shows no data. Here it is done with a biped whose
     nominal link masses and centres of mass are wrong by up to 30 %.""",
 )
-def identification(setting: Setting) -> tuple[Numbers, Numbers]:
+def identification(setting: Setting) -> Measured:
     """Draw wrong models, let them move, identify them at every noise, and compare."""
     robot = load("biped")
     count, levels = setting.pick(4, 1), setting.pick(LEVELS, (0.0, 1.0))

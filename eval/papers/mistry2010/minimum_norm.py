@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.inertial_parameters.estimation import free_motions
 from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
 from eval.papers.mistry2010.laws import planned_points, posed
@@ -131,7 +131,7 @@ def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
     all joints, relative to eq. (15).""",
     minutes=0.3,
 )
-def claim_minimum_norm(setting: Setting) -> tuple[Numbers, Numbers]:
+def claim_minimum_norm(setting: Setting) -> Measured:
     """Compare torques along the references of the biped's motions."""
     robot, every = load("biped"), setting.pick(10, 40)
     motions = {

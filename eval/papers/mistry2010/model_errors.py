@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import ESTIMATED, IN_METRIC, WEIGHTED, Law, measured, orthogonal
 from eval.papers.trial import Trial, simulate
@@ -53,7 +53,7 @@ def wrong(robot: Robot, kind: str, share: np.ndarray, seed: int) -> dict[str, np
     through the inverse of the inertia matrix.""",
     minutes=3.0,
 )
-def claim_model_errors(setting: Setting) -> tuple[Numbers, Numbers]:
+def claim_model_errors(setting: Setting) -> Measured:
     """Squat at 2 Hz with every law, every kind of error and every size."""
     robot, models = load("biped"), setting.pick(10, 4)
     share, kinds = np.repeat(SHARES, models), setting.pick(KINDS, KINDS[3:])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import limited, orthogonal
@@ -122,7 +122,7 @@ def _sweep(robot: Robot, hertz: tuple[float, ...], setting: Setting) -> dict[str
     ours counts random courses. Neither controller knows where it is: joints only.""",
     minutes=6.0,
 )
-def fig10_11_quadruped(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig10_11_quadruped(setting: Setting) -> Measured:
     """Walk over every ground with every controller."""
     robot = load("quadruped")
     motion, knee = crawl(robot), robot.joint_names.index("hind_right_knee")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import Law, limited, measured, orthogonal, rivals
 from eval.papers.trial import Trial, simulate
@@ -45,7 +45,7 @@ def joint_columns(robot: Robot) -> list[int]:
     return [robot.joint_names.index(name) for name in JOINTS.values()]
 
 
-def measure(speed: float, moments: Sequence[float], setting: Setting) -> tuple[Numbers, Numbers]:
+def measure(speed: float, moments: Sequence[float], setting: Setting) -> Measured:
     """Run the sweep of the gains, then each controller on its own, then wrong models."""
     robot = load("biped")
     motion = squat_bow(robot, speed=speed)
@@ -149,7 +149,7 @@ def error(value: float) -> str:
     contacts; no balance controller. The gains of PD alone are the best of a sweep of natural
     frequencies from 1 to 10 Hz and damping ratios from 0.3 to 1.""",
 )
-def fig4_slow_squat(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig4_slow_squat(setting: Setting) -> Measured:
     """Run every controller over the slow motion."""
     return measure(1.0, (0.0, 2.5, 5.0, 7.5, 10.0, 17.5, 22.5), setting)
 
@@ -159,6 +159,6 @@ def fig4_slow_squat(setting: Setting) -> tuple[Numbers, Numbers]:
     """The same motion in 6 s: a squat a second, full extension of the knees at their joint limit
     from 4 s on. No balance controller.""",
 )
-def fig5_fast_squat(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig5_fast_squat(setting: Setting) -> Measured:
     """Run every controller over the fast motion."""
     return measure(5.0, (0.0, 0.5, 1.0, 1.5, 4.0, 4.5, 5.0), setting)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.experiment import Numbers, Setting, experiment, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
 from eval.papers.mistry2010.laws import Law, limited, orthogonal
@@ -115,7 +115,7 @@ def summary(log: Log) -> Numbers:
     ours that also takes steps of its own.""",
     minutes=4.0,
 )
-def fig8_9_stepping(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig8_9_stepping(setting: Setting) -> Measured:
     """The long run of each controller and motion, then how much each takes, then the rivals."""
     robot = load("biped")
     motions = {name: stepping(robot, steps) for name, steps in MOTIONS.items()}

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import following
 from eval.papers.mistry2010.laws import orthogonal
@@ -75,7 +75,7 @@ def pushed_once(
     phases of the motion; the best of them under more pushes.""",
     minutes=5.0,
 )
-def fig8_9_search(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig8_9_search(setting: Setting) -> Measured:
     """Search, then push the best and the one of the section before harder and harder."""
     robot, seconds = load("biped"), setting.pick(4.0, 2.0)
     gains, forces = setting.pick(GAINS, (OURS, GAINS[-1])), setting.pick(FORCES, FORCES[::3])

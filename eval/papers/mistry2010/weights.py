@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import Law, orthogonal, rivals
@@ -66,7 +66,7 @@ def changes(row: Numbers, free: Numbers) -> dict[str, float]:
     written); beside it the entry at which the knee is spared as much as in the paper.""",
     minutes=0.7,
 )
-def fig6_7_weights(setting: Setting) -> tuple[Numbers, Numbers]:
+def fig6_7_weights(setting: Setting) -> Measured:
     """Squat with each weight, without, with PD alone, and with the paper's rivals."""
     robot = load("biped")
     trial = Trial(robot, following(periodic_squat(robot, frequency=2.0)), setting.pick(6.0, 3.0))

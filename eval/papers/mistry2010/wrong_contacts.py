@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from eval.papers.experiment import Numbers, Setting, experiment
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
 from eval.papers.mistry2010.laws import ESTIMATED, Law, limited, measured, orthogonal, posed
@@ -101,7 +101,7 @@ def _static(robot: Robot, count: int) -> Numbers:
     believes in.""",
     minutes=2.5,
 )
-def claim_wrong_contacts(setting: Setting) -> tuple[Numbers, Numbers]:
+def claim_wrong_contacts(setting: Setting) -> Measured:
     """Step in place with wrong beliefs, on slippery ground; then random states and beliefs."""
     robot = load("biped")
     motion, geometry = stepping(robot), contact_geometry(robot)
