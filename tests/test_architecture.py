@@ -333,9 +333,7 @@ def test_the_library_grows_in_no_folder():
     assert {name: lines for name, lines in found.items() if lines > LINES[name]} == {}
 
 
-@pytest.mark.parametrize(
-    ("folder", "most"), [("tests", TEST_LINES), ("eval/papers", PAPERS_LINES)]
-)
+@pytest.mark.parametrize(("folder", "most"), [("tests", TEST_LINES), ("eval/papers", PAPERS_LINES)])
 def test_tests_and_papers_grow_no_more(folder: str, most: int) -> None:
     files = (ROOT / folder).rglob("*.py")
     assert sum(len(path.read_text().splitlines()) for path in files) <= most
