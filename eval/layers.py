@@ -29,7 +29,7 @@ from eval.page.docs import DOCS, command_block, splice, spliced
 from eval.page.figures import bars
 from eval.page.html import render
 from eval.results import Estimate
-from eval.statistics import Chance, improvement, over_tasks, p_value
+from eval.statistics import Chance, holm, improvement, over_tasks, p_value
 from eval.wording import interval, number, percent
 from eval.zero_actions.__main__ import measured, short
 from eval.zero_actions.measures import Row
@@ -146,7 +146,8 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     means = {layer: over_tasks(tasks, chance) for layer, tasks in of.items()}
     best = max(ours, key=lambda layer: means[layer].value)
     others = [layer for layer in of if layer != best]
-    p_values = holm({x: p_value(*_centred(of[x], of[best]), rng) for x in others})
+    alone = [p_value(*_centred(of[x], of[best]), rng) for x in others]
+    p_values = dict(zip(others, holm(alone), strict=True))
     found = {}
     for layer in sorted(of, key=lambda layer: -means[layer].value):
         better = improvement(of[layer], of[best], chance)
@@ -162,16 +163,6 @@ def _centred(x: list[np.ndarray], y: list[np.ndarray]) -> tuple[np.ndarray, np.n
         for side in (x, y)
     )
     return own, other
-
-
-def holm(p_values: dict[str, float]) -> dict[str, float]:
-    """Return p-values adjusted for being several, by Holm's method."""
-    adjusted, least = {}, 0.0
-    order = sorted(p_values, key=lambda name: p_values[name])
-    for place, name in enumerate(order):
-        least = max(least, min(1.0, (len(order) - place) * p_values[name]))
-        adjusted[name] = least
-    return adjusted
 
 
 def run(config: LayersConfig, command: Sequence[str]) -> None:

@@ -99,6 +99,8 @@ LINES = {
     "runtime": 1915,
     "tasks": 2325,
 }
+# Of eval/papers without its templates; 4,800 is where this shall go.
+PAPERS_LINES = 5_482
 # Of all that is in tests/; 24,000 is where this shall go.
 TEST_LINES = 29_980
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
@@ -331,9 +333,10 @@ def test_the_library_grows_in_no_folder():
     assert {name: lines for name, lines in found.items() if lines > LINES[name]} == {}
 
 
-def test_the_tests_grow_no_more() -> None:
-    tests = (ROOT / "tests").rglob("*.py")
-    assert sum(len(path.read_text().splitlines()) for path in tests) <= TEST_LINES
+@pytest.mark.parametrize(("folder", "most"), [("tests", TEST_LINES), ("eval/papers", PAPERS_LINES)])
+def test_tests_and_papers_grow_no_more(folder: str, most: int) -> None:
+    files = (ROOT / folder).rglob("*.py")
+    assert sum(len(path.read_text().splitlines()) for path in files) <= most
 
 
 @pytest.mark.parametrize("module", READING)

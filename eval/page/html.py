@@ -9,9 +9,9 @@ import base64
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -21,8 +21,6 @@ from PIL import Image
 from eval import wording
 from eval.page.figures import STYLE
 from train.runs.study import environment_name
-
-Row = TypeVar("Row")
 
 
 def _environment() -> jinja2.Environment:
@@ -68,33 +66,6 @@ def render(template: str, **content: Any) -> str:
     return _TEMPLATES.get_template(template).render(content)
 
 
-def text(*paragraphs: str) -> Markup:
-    """Paragraphs; HTML where they are Markup."""
-    return Markup("").join(Markup("<p>{}</p>").format(each) for each in paragraphs)
-
-
-def heading(words: str) -> Markup:
-    """A heading within a section."""
-    return Markup("<h3>{}</h3>").format(words)
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], wrap: bool = False) -> Markup:
-    """A table; the first cell of a row is its heading, and `wrap` lets long cells break."""
-    return Markup(_PARTS.table(heads, rows, wrap))
-
-
-def columns(
-    rows: Iterable[Row], cells: Sequence[tuple[str, Callable[[Row], str]]], wrap: bool = False
-) -> Markup:
-    """A table of rows, from the heading of each column and what stands in it."""
-    return table([head for head, _ in cells], ([of(row) for _, of in cells] for row in rows), wrap)
-
-
-def figure(charts: Sequence[str], caption: str, columns: int = 2) -> Markup:
-    """Charts side by side, with what they show below."""
-    return Markup(_PARTS.figure(charts, caption, columns))
-
-
 def frames(images: Sequence[np.ndarray], caption: str, alternative: str) -> Markup:
     """Pictures (H, W, 3) uint8 of one size side by side; in words for who does not see them."""
     strip = data(jpeg(np.concatenate(list(images), axis=1)), "image/jpeg")
@@ -104,8 +75,3 @@ def frames(images: Sequence[np.ndarray], caption: str, alternative: str) -> Mark
 def video(mp4: bytes, caption: str) -> Markup:
     """A clip that plays when asked to."""
     return Markup(_PARTS.video(data(mp4, "video/mp4"), caption))
-
-
-def folded(summary: str, content: str) -> Markup:
-    """Content that is hidden until asked for."""
-    return Markup(_PARTS.folded(summary, content))

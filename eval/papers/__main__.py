@@ -19,9 +19,9 @@ from rich.console import Console
 
 from eval.files import check_folder, read_json, write
 from eval.page.docs import PAPERS_PAGE, splice, spliced
-from eval.papers.experiment import OUT, Experiment, load
-from eval.papers.page import Paper, Section, page, summary
-from eval.papers.registry import PAPERS, experiments
+from eval.papers.experiment import OUT, Experiment, load, perform
+from eval.papers.page import Section, page, summary
+from eval.papers.registry import experiments
 from fbid_gym.__main__ import called
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
@@ -44,6 +44,8 @@ class PapersConfig:
     """Folder of the data and of report.html."""
     jobs: Annotated[int, Whole(1, 1024)] = field(default_factory=cores)
     """Experiments at the same time, one core each."""
+    alone: bool = False
+    """Run in this process, print what was found and write no page."""
     page_only: bool = False
     """Put the page together from the sections that are there."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -51,7 +53,7 @@ class PapersConfig:
 
 
 def _job(experiment: Experiment, config: PapersConfig) -> Job:
-    """Its script as a job."""
+    """It alone as a job."""
     folder = experiment.folder(config.out)
 
     def progress() -> Progress:
@@ -60,21 +62,19 @@ def _job(experiment: Experiment, config: PapersConfig) -> Job:
         except (TypeError, RunError):  # not there yet
             return Progress(0.0)
 
-    command = (sys.executable, "-m", "eval.papers.script", experiment.name)
+    command = (sys.executable, "-m", "eval.papers", "--alone", "--only", experiment.name)
     options = ("--out", str(config.out), *(("--quick",) if config.quick else ()))
     return Job(experiment.name, command + options, folder / _LOG, progress)
 
 
 def _section(experiment: Experiment, config: PapersConfig) -> Section:
     """Its section, or what there is to say when it has none."""
-    about = experiment.name, experiment.title, experiment.about
     saved, log = load(experiment, config.out), experiment.folder(config.out) / _LOG
-    if saved is None:
-        tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
-        wrong = f"This did not run to the end: {tail}."
-        return Section(*about, (), wrong, experiment.command(config.quick), 0.0, failed=True)
-    run, body = saved
-    return Section(*about, run.findings, body, experiment.command(run.quick), run.seconds)
+    if saved is not None:
+        return Section(experiment, *saved, experiment.command(saved[0].quick))
+    tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
+    wrong = f"This did not run to the end: {tail}."
+    return Section(experiment, None, wrong, experiment.command(config.quick))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,24 +93,24 @@ def run(config: PapersConfig, given: Sequence[str]) -> int:
     """
     check_fields(config)
     check_folder(config.out, "out")
-    chosen = experiments(PAPERS, config.only)
-    console = Console()
+    chosen, console = experiments(config.only), Console()
+    # The longest first, so that all cores are busy to the end.
+    order = sorted((e for _, some in chosen for e in some), key=lambda one: -one.minutes)
+    if config.alone:
+        for finding in (f for e in order for f in perform(e, config.out, config.quick).findings):
+            print(f"{finding.what}: {finding.ours} (paper: {finding.paper})")
+        return 0
     began = time.monotonic()
     if config.write_docs:
         spliced(PAPERS_PAGE, "")  # before minutes of experiments
     failed: list[Job] = []
     if not config.page_only:
-        # The longest first, so that all cores are busy to the end.
-        order = sorted(
-            (e for _, some in chosen for e in some), key=lambda experiment: -experiment.minutes
-        )
         for experiment, stale in product(order, ("progress.json", "section.html")):
             (experiment.folder(config.out) / stale).unlink(missing_ok=True)
         jobs = [_job(experiment, config) for experiment in order]
         failed = run_jobs(jobs, config.jobs, console, keep_going=True)
     papers = [
-        Paper(entry.title, entry.about, [_section(experiment, config) for experiment in some])
-        for entry, some in chosen
+        (paper, [_section(experiment, config) for experiment in some]) for paper, some in chosen
     ]
     seconds = time.monotonic() - began
     command = shlex.join([*called("eval.papers"), *given])

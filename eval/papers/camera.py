@@ -1,7 +1,7 @@
-"""Pictures and clips of logged motions, pushes drawn as arrows."""
+"""Pictures, clips and charts of logged motions; pushes are drawn as arrows."""
 
-from collections.abc import Sequence
-from types import TracebackType
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -9,7 +9,6 @@ from markupsafe import Markup
 from PIL import Image, ImageDraw, ImageFont
 
 from eval.page.figures import Series, panel
-from eval.page.html import frames, video
 from eval.papers.log import Log
 from eval.video import Clip
 from fbid_gym.dynamics.stance import Stance
@@ -19,111 +18,74 @@ from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import offscreen
 
 
+@dataclass(frozen=True, eq=False)
 class Camera:
-    """Draws states of one robot, from a point that follows its base. A context manager."""
+    """Draws states of one robot, from a point that follows its base.
 
-    def __init__(
-        self,
-        robot: Robot,
-        width: int = 320,
-        height: int = 320,
-        azimuth: float = 140.0,
-        elevation: float = -12.0,
-        model: mujoco.MjModel | None = None,
-        nearer: float = 1.0,
-    ) -> None:
-        """Open the off-screen renderer.
+    Attributes:
+        robot: what to draw.
+        width: of the pictures, pixels.
+        height: of the pictures, pixels.
+        azimuth: degrees.
+        elevation: degrees.
+        model: the world to draw it in; None for the robot's own.
+        nearer: how many times nearer than usual.
+    """
 
-        Args:
-            robot: what to draw.
-            width: of the pictures, pixels.
-            height: of the pictures, pixels.
-            azimuth: degrees.
-            elevation: degrees.
-            model: the world to draw it in; None for the robot's own.
-            nearer: how many times nearer than usual.
+    robot: Robot
+    width: int = 224
+    height: int = 300
+    azimuth: float = 140.0
+    elevation: float = -12.0
+    model: mujoco.MjModel | None = None
+    nearer: float = 1.25
+
+    def draw(self, states: Iterable[tuple[np.ndarray, np.ndarray, str]]) -> list[np.ndarray]:
+        """Draw states: (nq,), the push (3,) N on the base, and what is written in the corner.
+
+        Returns:
+            (H, W, 3) uint8 each.
 
         Raises:
             FbidError: there is nothing to render with.
         """
-        self._robot, self._model = robot, robot.model if model is None else model
-        self._data = mujoco.MjData(self._model)
-        self._size = size_of(Stance.of(robot)) / nearer
-        self._renderer = offscreen(self._model, height, width)
-        self._camera = mujoco.MjvCamera()
-        self._camera.azimuth, self._camera.elevation = azimuth, elevation
-        self._camera.distance = DISTANCE * self._size
-
-    def __enter__(self) -> "Camera":
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Free the renderer."""
-        self._renderer.close()
-
-    def picture(self, qpos: np.ndarray, push: np.ndarray, label: str = "") -> np.ndarray:
-        """Draw one state.
-
-        Args:
-            qpos: (nq,).
-            push: (3,) N on the base.
-            label: written into the upper left corner.
-
-        Returns:
-            (H, W, 3) uint8.
-        """
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
-        # Followed at a constant height, so that squats and hops are seen.
-        self._camera.lookat[:2] = qpos[:2]
-        self._camera.lookat[2] = 0.62 * self._robot.home_qpos[2]
-        self._renderer.update_scene(self._data, self._camera)
-        centre = self._data.xipos[self._robot.base_body]
-        add_push(self._renderer.scene, centre, push / self._robot.weight, self._size)
-        image = self._renderer.render()
-        return _labelled(image, label) if label else image
+        model, pictures = self.model or self.robot.model, []
+        data, size = mujoco.MjData(model), size_of(Stance.of(self.robot)) / self.nearer
+        camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation = self.azimuth, self.elevation
+        camera.distance = DISTANCE * size
+        with offscreen(model, self.height, self.width) as renderer:
+            for qpos, push, label in states:
+                data.qpos[:] = qpos
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_comPos(model, data)
+                mujoco.mj_camlight(model, data)
+                # Followed at a constant height, so that squats and hops are seen.
+                camera.lookat[:] = *qpos[:2], 0.62 * self.robot.home_qpos[2]
+                renderer.update_scene(data, camera)
+                centre = data.xipos[self.robot.base_body]
+                add_push(renderer.scene, centre, push / self.robot.weight, size)
+                picture = renderer.render()
+                pictures.append(_labelled(picture, label) if label else picture)
+        return pictures
 
     def strip(
-        self,
-        log: Log,
-        moments: Sequence[float] | np.ndarray,
-        caption: str,
-        of: str,
-        digits: int = 1,
-    ) -> Markup:
-        """Draw the first robot of a log at some moments (K,) s, side by side, as a figure.
+        self, log: Log, moments: Sequence[float] | np.ndarray, digits: int = 1
+    ) -> list[np.ndarray]:
+        """Draw the first robot of a log at moments (K,) s, as far as it goes, told with digits."""
+        qpos, push = log["qpos"][:, 0], log["push"][:, 0]
+        there = log.at([moment for moment in moments if moment <= log.time[-1]])
+        return self.draw((qpos[k], push[k], f"{log.time[k]:.{digits}f} s") for k in there)
 
-        Args:
-            log: of the robot.
-            moments: when; the last tick stands for what is beyond it.
-            caption: HTML.
-            of: plain text for those who do not see the pictures.
-            digits: of the seconds on the pictures.
-        """
-        images = [
-            self.picture(log["qpos"][k, 0], log["push"][k, 0], f"{log.time[k]:.{digits}f} s")
-            for k in log.at(moments)
-        ]
-        return frames(images, caption, of)
-
-    def film(self, log: Log, fps: float, caption: str, seconds: float = np.inf) -> Markup:
-        """Draw the motion of the first robot of a log, at `fps` pictures per second, as a video."""
+    def film(self, log: Log, fps: float, seconds: float = np.inf) -> bytes:
+        """Draw the motion of the first robot of a log, at `fps` pictures per second: an MP4."""
         moments = np.arange(0.0, min(log.time[-1], seconds), 1.0 / fps)
-        rows, pictures = log.at(moments), []
-        push = log["push"][rows, 0]
-        for moment, row, newtons in zip(moments, rows, push, strict=True):
-            force = float(np.linalg.norm(newtons))
-            pushed = f", {force:.0f} N" if force > 0 else ""
-            pictures.append(self.picture(log["qpos"][row, 0], newtons, f"{moment:.1f} s{pushed}"))
-        return video(Clip(pictures, fps, push, None).mp4(30), caption)
+        rows = log.at(moments)
+        qpos, push = log["qpos"][rows, 0], log["push"][rows, 0]
+        told = zip(moments.tolist(), np.linalg.norm(push, axis=1).tolist(), strict=True)
+        labels = [f"{moment:.1f} s" + f", {force:.0f} N" * (force > 0) for moment, force in told]
+        pictures = self.draw(zip(qpos, push, labels, strict=True))
+        return Clip(pictures, fps, push, None).mp4(30)
 
 
 def _labelled(picture: np.ndarray, label: str) -> np.ndarray:

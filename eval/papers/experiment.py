@@ -1,77 +1,65 @@
-"""What an experiment is: a function that measures, and returns its findings and its section."""
+"""What an experiment is: a function measures, and the template of its name shows what it found."""
 
-import importlib
 import json
 import shlex
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
+import numpy as np
 from markupsafe import Markup
 
 from eval.files import read_json, to_json, write
-from eval.page.html import text
+from eval.page import figures, html
+from eval.papers.camera import logged
+from eval.wording import number, percent
 from fbid_gym.errors import RunError
 
 OUT = Path("runs/papers")
-_SHOWN_EVERY = 1.0  # s
+Numbers = dict[str, Any]
+Measured = tuple[Numbers, Numbers]
+"""All numbers of an experiment, as JSON can hold them, and what else its section shows."""
+
 Item = TypeVar("Item")
 
 
-class Progress:
-    """How far an experiment is, kept in a small file that whoever started it may read."""
-
-    def __init__(
-        self, path: Path | None, low: float = 0.0, high: float = 1.0, note: str = ""
-    ) -> None:
-        """Tell of the part of an experiment from `low` to `high`; without a path, of nothing."""
-        self._path, self._low, self._high, self._note = path, low, high, note
-        self._written = 0.0
-
-    def part(self, low: float, high: float, note: str = "") -> "Progress":
-        """Return the progress of a part that goes from `low` to `high` of this one."""
-        width = self._high - self._low
-        note = ", ".join(filter(None, (self._note, note)))
-        inner = Progress(self._path, self._low + low * width, self._low + high * width, note)
-        inner(0.0)
-        return inner
-
-    def each(
-        self, items: Iterable[Item], note: Callable[[Item], str] = str
-    ) -> "Iterator[tuple[Item, Progress]]":
-        """Go through equal parts, one after another: each item with its progress."""
-        every = list(items)
-        for k, item in enumerate(every):
-            yield item, self.part(k / len(every), (k + 1) / len(every), note(item))
-
-    def __call__(self, share: float) -> None:
-        """Note that this share of the part is done; written at most once a second."""
-        now = time.monotonic()
-        if self._path is None or (0.0 < share < 1.0 and now - self._written < _SHOWN_EVERY):
-            return
-        self._written = now
-        whole = self._low + share * (self._high - self._low)
-        write(self._path, json.dumps({"share": whole, "note": self._note}))
-
-
-@dataclass(frozen=True)
 class Setting:
-    """How an experiment runs.
+    """How an experiment runs; it keeps how far it is in a small file, for whoever started it.
 
     Attributes:
         quick: fewer robots, shorter runs, coarser sweeps; what is left is the same code.
-        progress: to be told how far it is.
     """
 
-    quick: bool = False
-    progress: Progress = field(default_factory=lambda: Progress(None))
+    def __init__(self, quick: bool = False, path: Path | None = None) -> None:
+        """Begin; progress is written to `path`, if there is one."""
+        self.quick, self._path = quick, path
+        self._at, self._part, self._note = 0.0, (0.0, 1.0), ""
 
     def pick(self, full: Any, quick: Any) -> Any:
         """Return one of the two."""
         return quick if self.quick else full
+
+    def each(self, items: Iterable[Item], until: float = 1.0) -> Iterator[Item]:
+        """Go through equal parts, one after another, each of which may have parts of its own.
+
+        Args:
+            items: one for each part, which it names.
+            until: the share of the part around it that is done afterwards.
+        """
+        every, begun, (low, high), note = list(items), self._at, self._part, self._note
+        end = low + until * (high - low)
+        ends = np.linspace(begun, end, len(every) + 1).tolist()
+        for item, *part in zip(every, ends, ends[1:], strict=False):
+            name = ", ".join(map(str, item)) if isinstance(item, tuple) else str(item)
+            self._at, self._part = part[0], (part[0], part[1])
+            self._note = ", ".join(filter(None, (note, name)))
+            if self._path is not None:
+                write(self._path, json.dumps({"share": self._at, "note": self._note}))
+            yield item
+        self._at, self._part, self._note = end, (low, high), note
 
 
 @dataclass(frozen=True)
@@ -93,41 +81,6 @@ class Finding:
     target: str = ""
 
 
-def judged(what: str, paper: str, ours: str, target: str, holds: bool) -> Finding:
-    """Return a finding that has a target."""
-    return Finding(what, paper, ours, "met" if holds else "missed", target)
-
-
-def fate(fell: float | None) -> str:
-    """Say whether a robot stayed up; `fell` is when it fell, s."""
-    return "stays up" if fell is None else f"falls at {fell:.1f} s"
-
-
-def prose(words: str) -> Markup:
-    """Paragraphs, parted by empty lines."""
-    return text(*words.strip().split("\n\n"))
-
-
-def row(rows: Sequence[dict[str, Any]], **values: Any) -> dict[str, Any]:
-    """Return the row of a result that has these values."""
-    return next(found for found in rows if found.items() >= values.items())
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a run found.
-
-    Attributes:
-        findings: the paper's numbers beside ours, for the head of the section and of the page.
-        numbers: all that was measured, as JSON can hold it.
-        body: pieces of the section, HTML where they are Markup.
-    """
-
-    findings: list[Finding]
-    numbers: dict[str, Any]
-    body: Sequence[str]
-
-
 class Run(msgspec.Struct):
     """What a run has left in `numbers.json`.
 
@@ -139,7 +92,7 @@ class Run(msgspec.Struct):
     """
 
     findings: list[Finding]
-    numbers: dict[str, Any]
+    numbers: Numbers
     quick: bool
     seconds: float
 
@@ -152,13 +105,13 @@ class Experiment:
         title: what it shows.
         about: what was done, in one or two sentences.
         minutes: that it takes, roughly; the longest are started first.
-        run: does it.
+        run: measures.
     """
 
     title: str
     about: str
     minutes: float
-    run: Callable[[Setting], Result]
+    run: Callable[[Setting], Measured]
 
     @property
     def name(self) -> str:
@@ -182,24 +135,71 @@ class Experiment:
 
 def experiment(
     title: str, about: str, minutes: float = 1.0
-) -> Callable[[Callable[[Setting], Result]], Experiment]:
+) -> Callable[[Callable[[Setting], Measured]], Experiment]:
     """Make a function an experiment; see `Experiment`."""
     return lambda run: Experiment(title, " ".join(about.split()), minutes, run)
 
 
-def found(package: str, module: str, name: str) -> Experiment:
-    """Import an experiment of a paper's package."""
-    there = importlib.import_module(f"eval.papers.{package}.{module}")
-    return getattr(there, name)
+def row(rows: Sequence[Numbers], **values: Any) -> Numbers:
+    """Return the row of a result that has these values."""
+    return next(found for found in rows if found.items() >= values.items())
+
+
+def curves(
+    rows: Sequence[Numbers], by: str, colours: Mapping[str, int], what: str, scale: float = 1.0
+) -> list[tuple[str, int, np.ndarray]]:
+    """Return what rows have, one curve for each name that they have under `by`.
+
+    Args:
+        rows: in the order of the abscissae; or one for each curve, which has them all.
+        by: "law", or what else there is a curve for.
+        colours: of the names.
+        what: is drawn; None where there is nothing.
+        scale: of the values.
+    """
+    of = {name: [found[what] for found in rows if found[by] == name] for name in colours}
+    return [(n, c, scale * np.array(of[n], float).ravel()) for n, c in colours.items()]
+
+
+def named(values: Mapping[str, Any], form: Callable[[Any], str]) -> str:
+    """Write what goes by several names, as "name: value, name: value"."""
+    return ", ".join(f"{name}: {form(value)}" for name, value in values.items())
+
+
+def fate(fell: float | None) -> str:
+    """Say whether a robot stayed up; `fell` is when it fell, s."""
+    return "stays up" if fell is None else f"falls at {fell:.1f} s"
+
+
+_PARTS = (
+    *(figures.bars, figures.lines, figures.panel, figures.polar, figures.traces, logged),
+    *(html.frames, html.video, number, percent, curves, fate, named, row),
+)
+_FOR_SECTIONS = {part.__name__: part for part in _PARTS}
+
+
+def show(name: str, content: Numbers) -> tuple[list[Finding], str]:
+    """Fill the template of an experiment: return the findings that it tells, and its section."""
+    findings: list[Finding] = []
+
+    def finding(what: str, paper: str, ours: str, target: str = "", holds: bool = True) -> str:
+        verdict: Any = ("met" if holds else "missed") if target else "shown"
+        what, paper, ours = (Markup(part).unescape() for part in (what, paper, ours))
+        findings.append(Finding(what, paper, ours, verdict, target))
+        return ""
+
+    section = html.render(f"papers/{name}.html", finding=finding, **_FOR_SECTIONS, **content)
+    return findings, section
 
 
 def perform(experiment: Experiment, out: Path, quick: bool) -> Run:
     """Run an experiment and save its numbers and its section."""
     folder, began = experiment.folder(out), time.monotonic()
-    result = experiment.run(Setting(quick, Progress(folder / "progress.json")))
-    run = Run(result.findings, result.numbers, quick, time.monotonic() - began)
+    numbers, shown = experiment.run(Setting(quick, folder / "progress.json"))
+    findings, section = show(experiment.name, numbers | shown)
+    run = Run(findings, numbers, quick, time.monotonic() - began)
     write(folder / "numbers.json", to_json(msgspec.to_builtins(run)))
-    write(folder / "section.html", Markup("").join(result.body))
+    write(folder / "section.html", section)
     return run
 
 

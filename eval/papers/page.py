@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from eval.page.html import render
-from eval.papers.experiment import Finding
+from eval.papers.experiment import Experiment, Finding, Run
+from eval.papers.registry import Paper
 
 
 @dataclass(frozen=True)
@@ -12,24 +13,21 @@ class Section:
     """One experiment on the page.
 
     Attributes:
-        name: an anchor.
-        title: what it shows.
-        about: what was done.
-        findings: the paper's numbers beside ours.
+        experiment: which.
+        run: what it has left; None where it did not run to the end.
         body: HTML if it is Markup; what went wrong, if anything did.
         command: that makes it.
-        seconds: that it took.
-        failed: whether there is nothing to show.
     """
 
-    name: str
-    title: str
-    about: str
-    findings: Sequence[Finding]
+    experiment: Experiment
+    run: Run | None
     body: str
     command: str
-    seconds: float
-    failed: bool = False
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The paper's numbers beside ours."""
+        return self.run.findings if self.run else []
 
     @property
     def aims(self) -> list[Finding]:
@@ -42,16 +40,11 @@ class Section:
         return sum(finding.verdict == "met" for finding in self.aims)
 
 
-@dataclass(frozen=True)
-class Paper:
-    """A paper and its experiments; `about` is what stands above them."""
-
-    title: str
-    about: str
-    sections: Sequence[Section]
+Shown = Sequence[tuple[Paper, Sequence[Section]]]
+"""Papers with the sections of their experiments."""
 
 
-def page(papers: Sequence[Paper], command: str, seconds: float, quick: bool) -> str:
+def page(papers: Shown, command: str, seconds: float, quick: bool) -> str:
     """Lay out the page.
 
     Args:
@@ -60,27 +53,27 @@ def page(papers: Sequence[Paper], command: str, seconds: float, quick: bool) -> 
         seconds: that everything took.
         quick: whether this is the quick form.
     """
-    sections = [section for paper in papers for section in paper.sections]
+    sections = [section for _, some in papers for section in some]
     content = {"papers": papers, "sections": sections, "command": command, "seconds": seconds}
     return render("papers.html", title="The papers, reproduced", quick=quick, **content)
 
 
-def summary(papers: Sequence[Paper]) -> str:
+def summary(papers: Shown) -> str:
     """Return a Markdown table per paper, of every finding that has a number of the paper's."""
-    return "\n\n".join(_table(paper) for paper in papers)
+    return "\n\n".join(_table(paper, some) for paper, some in papers)
 
 
-def _table(paper: Paper) -> str:
+def _table(paper: Paper, sections: Sequence[Section]) -> str:
     lines = [f"**{paper.title}**", "", "|  |  | paper | ours | target |", "| --- " * 5 + "|"]
-    for section in paper.sections:
+    for section in sections:
         rows = [
             (finding.what, finding.paper, f"**{finding.ours}**",
-             finding.target + (" (missed)" if finding.verdict == "missed" else ""))
+             finding.target + " (missed)" * (finding.verdict == "missed"))
             for finding in section.findings if finding.paper
         ]  # fmt: skip
-        if section.failed:
+        if section.run is None:
             rows = [("did not run to the end", "", "", "")]
-        for title, row in zip([section.title, *[""] * len(rows)], rows, strict=False):
+        for title, row in zip([section.experiment.title, *[""] * len(rows)], rows, strict=False):
             cells = [cell.replace("|", r"\|") for cell in (title, *row)]
             lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -15,6 +15,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.rates import Rates
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT
+from fbid_gym.tasks.pushes import Pushes
 
 RATES = Rates(physics=1000, control=500)
 """[M10] IV.A: integration at 1000 Hz, feedback at 500 Hz."""
@@ -22,7 +23,6 @@ RATES = Rates(physics=1000, control=500)
 COLLAPSE_SECONDS = 1.0
 """How long a fallen robot is simulated on, for the pictures. A heap on the ground is slow."""
 
-_TOLD_EVERY = 250  # ticks
 Memory = dict[str, Any]
 
 
@@ -76,35 +76,22 @@ class Controller(Protocol):
         ...
 
 
-class Push(NamedTuple):
-    """A constant force on the base of every robot, once.
+def pushed(start: np.ndarray, force: np.ndarray, seconds: float) -> Disturbance:
+    """Push the bases of N robots K times each, for some seconds.
 
-    Attributes:
-        start: (N,) s.
-        duration: s.
-        force: (N, 3) N, world.
+    Args:
+        start: (N, K) s.
+        force: (N, K, 3) N, world.
+        seconds: that each push lasts.
     """
+    ticks = np.round(start * RATES.control).astype(np.int64)
+    plan = {"push_start": ticks, "push_force": force, "push_velocity": 0.0 * force}
+    pushes, now = Pushes((0.0, 0.0), seconds, (seconds, seconds)), np.zeros(len(start), np.int64)
+    return lambda _: lambda step: pushes.during(plan, now + step, 1, RATES.control).force[0]
 
-    start: np.ndarray
-    duration: float
-    force: np.ndarray
 
-
-def pushed(*pushes: Push) -> Disturbance:
-    """Return what pushes the robots."""
-
-    def begin(simulation: Simulation) -> Callable[[int], np.ndarray]:
-        def force(step: int) -> np.ndarray:
-            total = np.zeros((simulation.num_robots, 3))
-            for push in pushes:
-                since = step - np.round(push.start * RATES.control)
-                on = (since >= 0) & (since < round(push.duration * RATES.control))
-                total = total + np.where(on[:, None], push.force, 0.0)
-            return total
-
-        return force
-
-    return begin
+def _undisturbed(simulation: Simulation) -> Callable[[int], np.ndarray]:
+    return lambda _: np.zeros((simulation.num_robots, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +120,12 @@ class Trial:
     world: mujoco.MjModel | None = None
     prepare: Callable[[Simulation], None] = lambda simulation: None
     believe: Belief = lambda simulation: simulation.terms
-    disturb: Disturbance = pushed()
+    disturb: Disturbance = _undisturbed
     every: int = 1
     watch: tuple[str, ...] = ()
 
 
-def simulate(
-    trial: Trial, controller: Controller, progress: Callable[[float], None] = lambda share: None
-) -> Log:
+def simulate(trial: Trial, controller: Controller) -> Log:
     """Run a trial.
 
     A robot that has fallen, whose torques are not finite or whose simulation diverged gets no more
@@ -150,7 +135,6 @@ def simulate(
     Args:
         trial: what happens.
         controller: who controls.
-        progress: called now and then with the share that is done.
     """
     robot, count, limit = trial.robot, trial.num_robots, trial.robot.torque_limit
     simulation = Simulation(robot, count, RATES, world=trial.world)
@@ -161,8 +145,7 @@ def simulate(
     push_at, memory = trial.disturb(simulation), controller.memory(count)
     upright, world = Stance.of(robot).terms.world_from_base[0, 2], simulation.batch.bind("qpos")
     fell, rows, tick = np.full(count, np.nan), [], 1.0 / RATES.control
-    steps = round(trial.seconds * RATES.control)
-    for step in range(steps):
+    for step in range(round(trial.seconds * RATES.control)):
         wanted = wanted_at(start + step)
         qpos, qvel = simulation.qpos.copy(), simulation.qvel.copy()
         state = RobotState(qpos, qvel, simulation.contact_force, start + step)
@@ -184,8 +167,6 @@ def simulate(
         halted = step * tick - fell >= COLLAPSE_SECONDS
         simulation.push(push)
         simulation.step(torque, np.flatnonzero(~halted) if halted.any() else None)
-        if step % _TOLD_EVERY == 0:
-            progress(step / steps)
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Log(np.arange(len(rows)) * trial.every * tick, fell, signals)
 

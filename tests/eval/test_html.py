@@ -6,7 +6,7 @@ import json
 import re
 
 from eval.compare import main
-from eval.page.html import folded, render, table, text
+from eval.page.html import _PARTS, render
 
 EVIL = "<script>alert(1)</script><img src=x onerror=alert(2)>"
 
@@ -29,10 +29,10 @@ def test_the_only_script_is_the_one_that_the_policy_names():
 
 
 def test_what_is_not_html_of_ours_is_escaped():
-    for part in (table([EVIL], [[EVIL, EVIL]]), text(EVIL), folded(EVIL, EVIL)):
+    for part in (_PARTS.table([EVIL], [[EVIL, EVIL]]), _PARTS.folded(EVIL, EVIL)):
         assert "&lt;script&gt;" in part and "<script" not in part and "<img" not in part
-    inner = table(["a"], [["b"]])
-    assert inner in folded("c", inner)
+    inner = _PARTS.table(["a"], [["b"]])
+    assert inner in _PARTS.folded("c", inner)
 
 
 def test_words_of_run_folders_are_words(run_folder, tmp_path):

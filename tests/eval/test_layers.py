@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval import layers
-from eval.layers import holm, main
+from eval.layers import main
 from eval.zero_actions.measures import scores_of
 from fbid_gym import actions
 from fbid_gym.envs.env_batch import EnvBatch
@@ -83,38 +83,10 @@ def test_a_file_that_cannot_be_used_is_one_line(
     assert list(tmp_path.glob("page*")) == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["no.py"], "Invalid file: 'no.py'. Expected the path of a Python file"),
-        (["--against", "magic"], "Unknown action layer 'magic'"),
-        (["--against"], "Invalid against: (). Expected one or more"),
-        (["--out", "page.txt"], "Invalid out: 'page.txt'"),
-        (["--only", "task=fly"], "Unknown task 'fly'. Valid choices: stand pushed by"),
-        (["--episodes", "0"], "Invalid episodes: 0"),
-    ],
-)
-def test_nonsense_is_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("error: ") and told.count("\n") == 1 and message in told
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_who_falls_earns_nothing_from_there_on() -> None:
     up = np.array([[True, True], [True, False], [True, False]])
     scores = scores_of({"up": up, "reward": np.full((3, 2), 0.5)}, steps=4)
     np.testing.assert_allclose(scores, [1.5 / 4, 0.5 / 4])
-
-
-def test_holm_is_never_less_than_the_value_nor_out_of_order() -> None:
-    """The example of Holm's paper: three values, the second kept from falling below the first."""
-    adjusted = holm({"a": 0.01, "b": 0.011, "c": 0.9})
-    assert adjusted == pytest.approx({"a": 0.03, "b": 0.03, "c": 0.9})
 
 
 def test_a_file_may_be_registered_where_a_module_may(tmp_path: Path) -> None:

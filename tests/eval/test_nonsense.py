@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import tyro
 
-from eval import compare, demo, rollout
+from eval import compare, demo, layers, rollout
 from eval.papers.__main__ import main as papers
 from eval.robustness.__main__ import main as robustness
 from eval.tools import soak
@@ -106,6 +106,14 @@ COMMANDS = {
     command(sweep.SweepConfig, sweep.main): [
         ("none.toml --workers 0", "Invalid workers: 0"),
         ("none.toml", "none.toml: cannot be read as a study"),
+    ],
+    layers.main: [
+        ("no.py", "Invalid file: 'no.py'. Expected the path of a Python file"),
+        ("--against magic", "Unknown action layer 'magic'"),
+        ("--against", "Invalid against: (). Expected one or more"),
+        ("--out page.txt", "Invalid out: 'page.txt'"),
+        ("--only task=fly", "Unknown task 'fly'. Valid choices: stand pushed by"),
+        ("--episodes 0", "Invalid episodes: 0"),
     ],
     papers: [("--jobs 0", "Invalid jobs: 0"), ("--only nothing", "'nothing'")],
     train: [

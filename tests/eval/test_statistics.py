@@ -112,6 +112,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(seeds, least, most,
 def test_corrected_p_values_are_wrong_no_more_often_than_they_say(rng):
     """By hand; and of three questions without an effect, one in twenty has an answer at most."""
     assert st.holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert st.holm([0.01, 0.011, 0.9]) == pytest.approx([0.03, 0.03, 0.9])  # never out of order
     assert st.holm([0.9, 0.5]) == pytest.approx([1.0, 1.0]) and st.holm([]) == []
     drawn = rng.random((4000, 3))
     wrong = np.mean([min(st.holm(p)) <= 0.05 for p in drawn])

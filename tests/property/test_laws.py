@@ -64,9 +64,9 @@ def _weighted(robots: Robots) -> Any:
 
 
 def _metric(robots: Robots) -> Any:
-    hinges = np.ones(robots.torque.shape[1], bool)
-    lengths = metric.length_metric(hinges, robots.length)
-    return metric.metric_inverse_dynamics(_equations(robots), lengths)
+    lengths = np.ones(6 + robots.torque.shape[1])  # a radian of a hinge counts as a length
+    lengths[3:] = robots.length**2
+    return metric.metric_inverse_dynamics(_equations(robots), np.diag(lengths))
 
 
 def _task(robots: Robots) -> Any:

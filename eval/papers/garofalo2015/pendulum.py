@@ -17,7 +17,7 @@ import numpy as np
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot
 
-BOB = "pendulum"
+BOB = "pendulum_bob"
 """Name of the bob's body and geom."""
 
 TARGET = "pendulum_target"
@@ -27,6 +27,15 @@ _LAYER = 1 << 20  # of contacts; nothing else is in it
 _GAP = 0.005  # m, between bob and target when it is let go
 _ROPE = 2.5  # m, as drawn
 _STIFF = 0.99  # share of the contact's reference acceleration that MuJoCo realises
+_BOB = f"""
+<mujoco><worldbody><body name="bob" pos="0 0 {{below!r}}" gravcomp="1">
+  <freejoint/>
+  <inertial pos="0 0 0" mass="{{mass!r}}" diaginertia="{{inertia!r}} {{inertia!r}} {{inertia!r}}"/>
+  <geom name="rope" type="cylinder" fromto="0 0 0 0 0 {_ROPE}" size="0.004" mass="0"
+    contype="0" conaffinity="0" group="2" rgba="0.3 0.3 0.32 1"/>
+  <geom name="bob" size="{{radius!r}}" contype="{_LAYER}" conaffinity="0" condim="1" priority="1"
+    solref="{{spring}}" solimp="{_STIFF} {_STIFF} 0.001 0.5 2" rgba="0.75 0.2 0.12 1"/>
+</body></worldbody></mujoco>"""
 
 
 class Pendulum(NamedTuple):
@@ -74,51 +83,16 @@ def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
 def add_pendulum(spec: mujoco.MjSpec, robot: Robot, pendulum: Pendulum) -> None:
     """Add target and bob to a copy of the robot's spec; the bob is parked below the ground."""
     base = next(body for body in spec.bodies if body.id == robot.base_body)
-    base.add_geom(
-        name=TARGET,
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        pos=robot.model.body_ipos[robot.base_body],
-        size=[pendulum.target_radius, 0, 0],
-        mass=0.0,
-        contype=0,
-        conaffinity=_LAYER,
-        group=4,
-    )
-    ball = 0.4 * pendulum.mass * pendulum.radius**2
-    height = float(robot.home_qpos[2])
-    bob = spec.worldbody.add_body(
-        name=BOB,
-        pos=[0.0, 0.0, -10.0 * height],
-        mass=pendulum.mass,
-        ipos=[0.0, 0.0, 0.0],
-        inertia=[ball] * 3,
-        gravcomp=1.0,
-    )
-    bob.explicitinertial = True
-    bob.add_freejoint()
-    bob.add_geom(
-        name=f"{BOB}_rope",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[0.0, 0.0, 0.0, 0.0, 0.0, _ROPE],
-        size=[0.004, 0, 0],
-        contype=0,
-        conaffinity=0,
-        mass=0.0,
-        group=2,
-        rgba=[0.3, 0.3, 0.32, 1.0],
-    )
-    bob.add_geom(
-        name=BOB,
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[pendulum.radius, 0, 0],
-        contype=_LAYER,
-        conaffinity=0,
-        condim=1,
-        priority=1,
-        solref=pendulum.solref,
-        solimp=[_STIFF, _STIFF, 0.001, 0.5, 2.0],
-        rgba=[0.75, 0.2, 0.12, 1.0],
-    )
+    own = {"contype": 0, "conaffinity": _LAYER, "mass": 0.0, "group": 4}
+    size, centre = [pendulum.target_radius, 0, 0], robot.model.body_ipos[robot.base_body]
+    base.add_geom(name=TARGET, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, pos=centre, **own)
+    numbers = pendulum._asdict() | {
+        "below": -10.0 * float(robot.home_qpos[2]),
+        "inertia": 0.4 * pendulum.mass * pendulum.radius**2,
+        "spring": "{!r} {!r}".format(*pendulum.solref),
+    }
+    bob = mujoco.MjSpec.from_string(_BOB.format(**numbers))
+    spec.attach(bob, frame=spec.worldbody.add_frame(), prefix="pendulum_")
 
 
 class Bob:

@@ -1,18 +1,14 @@
 """What [G15] calls promising: tracking. A moving centre of mass, a turning hip, ever faster."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from eval.page.figures import lines
-from eval.page.html import figure, heading
-from eval.papers.experiment import Finding, Result, Setting, experiment, judged, prose, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, INVERSE, Balancer, stance_angular_momentum
 from eval.papers.garofalo2015.bout import Goal, GoalAt, balancing
 from eval.papers.log import Log
 from eval.papers.trial import Trial, simulate
-from eval.wording import number
 from fbid_gym.control import BalanceTarget
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.robots import Robot, load
@@ -90,7 +86,7 @@ def goals(robot: Robot, pose: Pose) -> GoalAt:
     return goal
 
 
-def errors(log: Log, index: int) -> dict[str, Any]:
+def errors(log: Log, index: int) -> Numbers:
     """RMS errors of one robot once the motion has its full size.
 
     Returns:
@@ -137,90 +133,24 @@ def left_out(robot: Robot, log: Log, index: int) -> dict[str, float]:
     and rates ahead.""",
     minutes=0.6,
 )
-def tracking(setting: Setting) -> Result:
+def tracking(setting: Setting) -> Measured:
     """Track at every frequency at once, under each balancer."""
     robot, hertz = load("humanoid"), setting.pick(HERTZ, (0.4, 1.0))
     plan = balancing(robot.home_qpos, goals(robot, swaying(np.array(hertz))))
     trial = Trial(robot, plan, setting.pick(SECONDS, 4.0), len(hertz), every=EVERY)
-    rows: list[dict[str, Any]] = []
-    for name, part in setting.progress.each(COLOUR):
-        log = simulate(trial, Balancer(robot, name, compensate_damping=True), part)
+    rows: list[Numbers] = []
+    for name in setting.each(COLOUR):
+        log = simulate(trial, Balancer(robot, name, compensate_damping=True))
         rows += [{"name": name, "hertz": f} | errors(log, k) for k, f in enumerate(hertz)]
     # The last of them is inverse dynamics.
     neglected = [left_out(robot, log, k) for k in range(len(hertz))]
-    numbers = {"hertz": list(hertz), "rows": rows, "neglected": neglected}
-    return Result(findings(rows), numbers, _body(hertz, rows, neglected))
-
-
-def findings(rows: list[dict[str, Any]]) -> list[Finding]:
-    """Errors at the fastest motion that everyone survives."""
     fallen = {r["hertz"] for r in rows if r["fell"] is not None}
-    shared = [r["hertz"] for r in rows if r["hertz"] not in fallen]
-    if not shared:
-        return [Finding("Tracking", "not given", "every motion makes somebody fall")]
-    fastest = max(shared)
-    last = {name: row(rows, name=name, hertz=fastest) for name in COLOUR}
-    com = {name: number(1e3 * r["com"]) for name, r in last.items()}
-    tilt = {name: number(r["tilt"], 2) for name, r in last.items()}
-    best = min(last, key=lambda name: last[name]["com"])
-    return [
-        *(
-            Finding(
-                f"{what} at {fastest:g} Hz, {unit}",
-                "not given",
-                ", ".join(f"{name}: {value}" for name, value in values.items()),
-            )
-            for what, unit, values in (
-                ("Centre of mass, rms error", "mm", com),
-                ("Tilt of the hip, rms error", "rad", tilt),
-            )
-        ),
-        judged(
-            "Full inverse dynamics tracks best",
-            "—",
-            f"{com[INVERSE]} mm",
-            "less than the quasi-static ones",
-            best == INVERSE,
-        ),
-    ]
-
-
-def _body(
-    hertz: tuple[float, ...], rows: list[dict[str, Any]], neglected: list[dict[str, float]]
-) -> list[str]:
-    charts = []
-    for key, title in (
-        ("com", "Centre of mass, rms error, mm"),
-        ("tilt", "Tilt of the hip, rms error, mrad"),
-        ("yaw", "Turn of the hip about the vertical, rms error, mrad"),
-    ):
-        values = {n: [row(rows, name=n, hertz=f)[key] for f in hertz] for n in COLOUR}
-        curves = [
-            (n, COLOUR[n], [np.nan if v is None else 1e3 * v for v in values[n]]) for n in COLOUR
-        ]
-        charts.append(lines(hertz, curves, title, "motion, Hz"))
-    sizes = [
-        ("of the momentum", 7, [r["rate"] for r in neglected]),
-        ("left out by (36)", 1, [r["neglected"] for r in neglected]),
-    ]
-    charts.append(lines(hertz, sizes, "Rate of the angular momentum, rms, N m", "motion, Hz"))
-    shares = [r["share"] for r in neglected]
-    return [
-        figure(
-            charts,
-            "Errors by frequency; a curve ends where the balancer falls. Fourth: what (36) takes "
-            "for zero, along the motion as inverse dynamics drives it. Joint friction is "
-            "compensated.",
-        ),
-        heading("What is neglected"),
-        prose(f"""
-(36) takes the angular momentum's rate for the locked robot's inertia times the hip's angular
-acceleration. With planted feet that is never so: the legs do not turn with the hip, and a swaying
-robot has momentum without any spin. It leaves out {number(min(shares), 2)} to
-{number(max(shares), 2)} times the rate itself. (38) leaves nothing out of that equation, which is
-the paper's point. But it needs a reference for the angular momentum, here that of the home stance
-with a still upper body, and the momentum is not the hip's orientation: about the vertical, where
-the spring of table 1 is soft, arms and trunk take up what the hip should turn, under full inverse
-dynamics, too. And both laws lose on the way to the torques, where the quasi-static maps leave out
-the joints' accelerations."""),
-    ]
+    fastest = max((f for f in hertz if f not in fallen), default=None)
+    last = [] if fastest is None else [row(rows, name=name, hertz=fastest) for name in COLOUR]
+    return {"hertz": list(hertz), "rows": rows, "neglected": neglected}, {
+        **{"COLOUR": COLOUR, "INVERSE": INVERSE, "fastest": fastest, "last": last},
+        "sizes": [
+            ("of the momentum", 7, [r["rate"] for r in neglected]),
+            ("left out by (36)", 1, [r["neglected"] for r in neglected]),
+        ],
+    }

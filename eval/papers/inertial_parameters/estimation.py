@@ -74,10 +74,6 @@ class Samples(NamedTuple):
         """Return the samples of several motions of one robot, whatever their contacts."""
         return cls(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
-    def rows(self, start: int, stop: int) -> "Samples":
-        """Return some of the samples."""
-        return Samples(*(array[start:stop] for array in self))
-
 
 class Regression(NamedTuple):
     """All that samples say about p parameters: |matrix pi - target|^2 + rest^2 over `rows` rows.
@@ -107,20 +103,14 @@ class Identification:
     """Inertial parameters found from data; B bodies.
 
     Attributes:
-        robot: the nominal robot.
-        bodies: (B,) MuJoCo ids of the bodies.
-        names: their names.
+        regressor: of the nominal robot.
         parameters: (B, 10) estimates, see `eval.papers.inertial_parameters.inertia.PARAMETERS`.
-        nominal: (B, 10) what they were.
         residual: root mean square error of the projected equations, N·m (N).
         excitation: what the data could tell.
     """
 
-    robot: Robot
-    bodies: np.ndarray
-    names: tuple[str, ...]
+    regressor: InertialRegressor
     parameters: np.ndarray
-    nominal: np.ndarray
     residual: float
     excitation: Excitation
 
@@ -136,7 +126,7 @@ class Identification:
 
     def model(self) -> Robot:
         """Return the robot with the identified parameters: a model for any provider of terms."""
-        return with_parameters(self.robot, self.bodies, self.parameters)
+        return with_parameters(self.regressor.robot, self.regressor.bodies, self.parameters)
 
 
 def estimate(
@@ -156,25 +146,30 @@ def estimate(
         prior_weight: w, how strongly the estimate is drawn to the nominal parameters.
         total_mass: kg, if the robot was weighed; the estimate then has this mass.
     """
-    nominal, size = regressor.parameters(), np.sqrt(data.square)
-    steps, excitation = natural_steps(nominal), excitation_of(regressor, data.matrix / size)
+    nominal = regressor.parameters()
+    steps, effect, error = scaled(data, nominal)
     change = fit(
-        by_steps(data.matrix, steps) / size,
-        (data.target - data.matrix @ nominal.ravel()) / size,
+        effect,
+        error,
         prior_weight,
         # How much each step adds to the total mass, and how much of it is missing.
         None if total_mass is None else (steps[:, 0].ravel(), total_mass / nominal[:, 0].sum()),
     )
     parameters = nominal + np.matvec(steps, change.reshape(-1, 10))
-    return Identification(
-        robot=regressor.robot,
-        bodies=regressor.bodies,
-        names=regressor.names,
-        parameters=parameters,
-        nominal=nominal,
-        residual=data.residual(parameters),
-        excitation=excitation,
-    )
+    excitation = excitation_of(regressor, steps, effect)
+    return Identification(regressor, parameters, data.residual(parameters), excitation)
+
+
+def scaled(data: Regression, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a regression in natural steps, in units of the norm of its right-hand sides.
+
+    Returns:
+        The steps (B, 10, 10) from nominal parameters (B, 10), what each does, (p, p), and what is
+        left to explain, (p,).
+    """
+    steps, size = natural_steps(nominal), np.sqrt(data.square)
+    error = (data.target - data.matrix @ nominal.ravel()) / size
+    return steps, by_steps(data.matrix / size, steps), error
 
 
 def free_motions(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -203,7 +198,7 @@ def projected_equations(
     """
     dynamics, geometry = MuJoCoDynamics(regressor.robot), contact_geometry(regressor.robot)
     for start in range(0, len(samples.qpos), _CHUNK):
-        part = samples.rows(start, start + _CHUNK)
+        part = Samples(*(array[start : start + _CHUNK] for array in samples))
         terms = dynamics.terms(part.qpos, part.qvel)
         contacts = reduced_contacts(geometry, terms, part.active)
         rows, count = free_motions(contacts.jacobian)

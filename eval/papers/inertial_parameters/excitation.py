@@ -57,7 +57,7 @@ def natural_steps(nominal: np.ndarray) -> np.ndarray:
 
 
 class Excitation(NamedTuple):
-    """What the data tell; p = 10 B parameters of B bodies.
+    """What the data tell; p = 10 B parameters of B bodies. Names are "body parameter".
 
     Attributes:
         singular_values: (p,) what a unit step in each singular direction does to the projected
@@ -67,7 +67,9 @@ class Excitation(NamedTuple):
         condition: ratio of the first to the last singular value that counts.
         open_share: (B, 10) how much of each parameter by itself the data leave open: 0 if they tell
             it alone, 1 if they tell nothing about it.
-        bodies: B names.
+        told: parameters that the data tell by themselves.
+        combined: those that they tell in combinations with others only.
+        untold: those about which they tell nothing: they stay nominal.
     """
 
     singular_values: np.ndarray
@@ -75,54 +77,34 @@ class Excitation(NamedTuple):
     attainable: int
     condition: float
     open_share: np.ndarray
-    bodies: tuple[str, ...]
-
-    @property
-    def told(self) -> tuple[str, ...]:
-        """Parameters that the data tell by themselves, as "body parameter"."""
-        return self._names(self.open_share < _TOLD)
-
-    @property
-    def combined(self) -> tuple[str, ...]:
-        """Parameters that the data tell in combinations with others only."""
-        return self._names((self.open_share >= _TOLD) & (self.open_share <= _UNTOLD))
-
-    @property
-    def untold(self) -> tuple[str, ...]:
-        """Parameters about which the data tell nothing: they stay nominal."""
-        return self._names(self.open_share > _UNTOLD)
-
-    def _names(self, chosen: np.ndarray) -> tuple[str, ...]:
-        return tuple(
-            f"{self.bodies[body]} {PARAMETERS[index]}" for body, index in np.argwhere(chosen)
-        )
+    told: tuple[str, ...]
+    combined: tuple[str, ...]
+    untold: tuple[str, ...]
 
 
-def excitation_of(regressor: InertialRegressor, rows: np.ndarray) -> Excitation:
-    """Judge data by the effect of the parameters on them.
+def excitation_of(
+    regressor: InertialRegressor, steps: np.ndarray, effect: np.ndarray
+) -> Excitation:
+    """Judge data by what natural steps (B, 10, 10) do to them.
 
     Args:
         regressor: of the nominal robot.
-        rows: (r, 10 B) what the parameters do to the data, in units of the norm of the data.
+        steps: its natural steps.
+        effect: (r, 10 B) of each on the data, in units of the norm of the data.
     """
-    steps = natural_steps(regressor.parameters())
-    _, sizes, directions = np.linalg.svd(by_steps(rows, steps))
+    _, sizes, directions = np.linalg.svd(effect)
     sizes = np.concatenate([sizes, np.zeros(len(directions) - len(sizes))])
     dimension = int((sizes > RESOLUTION).sum())
     # Each parameter as a combination of steps, and how much of it lies in what the data leave open.
-    share = steps.reshape(-1, 10)
     blind = directions[dimension:].reshape(-1, len(steps), 10)
-    seen_as = np.einsum("bik,rbk->bir", steps, blind)
-    open_share = np.linalg.norm(seen_as, axis=2) / np.linalg.norm(share, axis=1).reshape(-1, 10)
-    last = sizes[dimension - 1] if dimension else np.nan
-    return Excitation(
-        singular_values=sizes,
-        dimension=dimension,
-        attainable=base_dimension(regressor, steps),
-        condition=float(sizes[0] / last),
-        open_share=np.minimum(open_share, 1.0),
-        bodies=regressor.names,
-    )
+    seen_as = np.linalg.norm(np.einsum("bik,rbk->bir", steps, blind), axis=2)
+    open_share = np.minimum(seen_as / np.linalg.norm(steps, axis=2), 1.0)
+    names = np.array([[f"{body} {name}" for name in PARAMETERS] for body in regressor.names])
+    told, untold = open_share < _TOLD, open_share > _UNTOLD
+    named = (tuple(names[which].tolist()) for which in (told, ~told & ~untold, untold))
+    condition = float(sizes[0] / sizes[dimension - 1]) if dimension else np.nan
+    attainable = base_dimension(regressor, steps)
+    return Excitation(sizes, dimension, attainable, condition, open_share, *named)
 
 
 def base_dimension(regressor: InertialRegressor, steps: np.ndarray) -> int:

@@ -5,14 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from eval.page.figures import Marks, lines, traces
-from eval.page.html import figure, text
-from eval.papers.experiment import Finding, Result, Setting, experiment, judged
-from eval.papers.mistry2010.laws import equation
-from eval.wording import number
+from eval.page.figures import Marks
+from eval.papers.experiment import Measured, Setting, experiment
+from eval.papers.mistry2010.laws import posed
 from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.robots import Robot, load
 
 JUMP = 0.5
@@ -28,12 +24,12 @@ Walk = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
     12 constraints.""",
     minutes=0.3,
 )
-def claim_continuity(setting: Setting) -> Result:
+def claim_continuity(setting: Setting) -> Measured:
     """Walk along smooth paths of states and compare the changes of Q and of the torque."""
     robot = load("biped")
     steps, paths = setting.pick(4001, 1001), setting.pick(8, 3)
     along, found = np.linspace(0.0, 1.0, steps), []
-    for seed, _ in setting.progress.each(range(paths), lambda seed: "paths"):
+    for seed in setting.each(range(paths)):
         walk = _walk(robot, seed)
         q, literal, ours = _laws(robot, *walk(along))
         change_q = np.linalg.norm(np.diff(q, axis=0), axis=(1, 2))
@@ -49,52 +45,18 @@ def claim_continuity(setting: Setting) -> Result:
             }
         )
         if seed == 0:
-            at, first = int(np.argmax(change_q)), (change_q, change)
+            at, first = int(np.argmax(change_q)), {"q": change_q, "torque": change}
             width, jump_q, jump_torque = _zoom(robot, walk, along[at], along[at + 1])
-    findings = [
-        judged(
-            "change of the torque across a jump of Q, as the step shrinks",
-            "none",
-            f"{jump_torque[-1]:.1e} N·m over {width[-1]:.0e} of the path, where Q still jumps by "
-            f"{number(float(jump_q.min()), 2)}",
-            "falls with the step",
-            jump_torque[-1] < 1e-5 and jump_q.min() > JUMP,
-        ),
-        Finding(
-            "jumps of Q met on the way",
-            "possible",
-            f"{sum(path['jumps'] for path in found)} in {len(found)} paths of {steps} states",
-        ),
-        Finding(
-            "our form of eq. (15), without QR, against the printed one",
-            "",
-            f"differ by {max(path['difference'] for path in found):.0e} of the largest torque",
-        ),
-    ]
-    share, fewer = "share of path", np.log2(width[0] / width)
-    least, log = np.maximum(jump_torque, 1e-14), Marks(logarithmic=True)
-    charts = [
-        traces(along[1:], [("Q", 1, first[0])], "Change of Q per step", share),
-        traces(along[1:], [("torque", 0, first[1])], "Change of the torque per step, N·m", share),
-        lines(fewer, [("Q", 1, jump_q)], "Change of Q", "halvings of the step"),
-        lines(
-            fewer, [("torque", 0, least)], "Change of the torque, N·m", "halvings of the step",
-            y_format="{:.0e}".format, marks=log,
-        ),
-    ]  # fmt: skip
-    body = [
-        figure(
-            charts,
-            "Above: along one path. Q comes from Householder reflections, as the paper's, and "
-            "jumps where a pivot changes sign; the torque shows no trace of it. Below: the largest "
-            "jump, enclosed ever more closely.",
-        ),
-        text(
-            "What does make the torque jump is a contact switch: J changes there, and with it the "
-            "dynamics. The section on stepping shows it."
-        ),
-    ]
-    return Result(findings, {"paths": found, "steps": steps}, body)
+    return {"paths": found, "steps": steps}, {
+        **{
+            "along": along[1:],
+            "first": first,
+            "JUMP": JUMP,
+            "logarithmic": Marks(logarithmic=True),
+        },
+        **{"width": width, "halvings": np.log2(width[0] / width), "jump_q": jump_q},
+        **{"jump_torque": jump_torque, "least": np.maximum(jump_torque, 1e-14)},
+    }
 
 
 def _walk(robot: Robot, seed: int) -> Walk:
@@ -123,12 +85,11 @@ def _laws(
     robot: Robot, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q by Householder reflections, eq. (15) as printed, and our law: a row for each state."""
-    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(contact_geometry(robot), terms)
-    solution = orthogonal_inverse_dynamics(*equation(terms, contacts, command))
-    q, _ = np.linalg.qr(contacts.jacobian.mT, mode="complete")
-    free = q[:, :, contacts.jacobian.shape[1] :].mT  # S_u Q^T
-    force = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
+    asked, _ = posed(robot, qpos, qvel, command)
+    solution = orthogonal_inverse_dynamics(*asked)
+    q, _ = np.linalg.qr(asked.jacobian.mT, mode="complete")
+    free = q[:, :, asked.jacobian.shape[1] :].mT  # S_u Q^T
+    force = np.matvec(asked.mass_matrix, solution.acceleration) + asked.bias
     literal = np.matvec(np.linalg.pinv(free[:, :, 6:]) @ free, force)
     return q, literal, np.asarray(solution.torque)
 

@@ -1,7 +1,7 @@
 """The controller of [M10] section IV, joint PD with inverse dynamics ahead of it, and its plans."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
-
-
-class Motion(Protocol):
-    """What the robots shall do; see `fbid_gym.motions`."""
-
-    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
-        """Return what each robot shall do at its own `tick` (N,), at `speed` (N,) m/s."""
-        ...
+from fbid_gym.tasks.tracking import Motion
 
 
 def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None) -> Plan:

@@ -5,10 +5,12 @@ foot, with the centre of mass over the feet that stand. The base follows from th
 planted feet.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from eval.papers.inertial_parameters.estimation import Samples
 from eval.papers.log import Log
@@ -226,30 +228,29 @@ class Noise(NamedTuple):
     torque: float = 0.5
 
 
-class Filter(NamedTuple):
-    """Local polynomials through a moving window: they smooth, and they differentiate.
+NOISE = Noise()
+
+
+def smoothed(
+    values: np.ndarray, derivative: int = 0, half: int = 100, order: int = 5, every: int = 5
+) -> np.ndarray:
+    """Smooth signals by local polynomials (Savitzky, Golay 1964), or differentiate them by time.
 
     The torques pass the same filter as the velocities, so that nothing lags behind.
 
-    Attributes:
-        half: ticks on either side of an instant.
-        order: of the polynomial.
+    Args:
+        values: (T, m) at the rate of control.
+        derivative: which, 0 for the signals themselves.
+        half: ticks of the window on either side of an instant.
+        order: of the polynomials.
         every: ticks from one sample to the next.
+
+    Returns:
+        (samples, m), those instants that have a whole window.
     """
-
-    half: int = 100
-    order: int = 5
-    every: int = 5
-
-    def __call__(self, values: np.ndarray, derivative: int = 0) -> np.ndarray:
-        """Return (samples, m) of values (T, m), or of their derivative by time."""
-        time = np.arange(-self.half, self.half + 1) / RATES.control
-        weights = np.linalg.pinv(np.vander(time, self.order + 1, increasing=True))[derivative]
-        windows = np.lib.stride_tricks.sliding_window_view(values, len(time), axis=0)
-        return np.asarray(windows[:: self.every] @ weights)
-
-
-NOISE, SMOOTH = Noise(), Filter()
+    window, tick = 2 * half + 1, 1.0 / RATES.control
+    smooth = savgol_filter(values, window, order, derivative, tick, axis=0)
+    return np.asarray(smooth[half : len(values) - half : every])
 
 
 def measured(
@@ -259,7 +260,7 @@ def measured(
     planted: np.ndarray,
     level: float,
     rng: np.random.Generator,
-    smooth: Filter = SMOOTH,
+    smooth: Callable[..., np.ndarray] = smoothed,
 ) -> Samples:
     """Return samples from what the sensors of one robot say.
 

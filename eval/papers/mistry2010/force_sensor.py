@@ -9,17 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-
-class Readings(NamedTuple):
-    """What the sensors of N robots remember; k forces, a delay of D ticks.
-
-    Attributes:
-        filtered: (N, k) N, output of the filter.
-        delayed: (N, D, k) N, filtered forces on their way, the oldest first.
-    """
-
-    filtered: np.ndarray
-    delayed: np.ndarray
+Readings = tuple[np.ndarray, ...]
+"""What the sensors of N robots remember: the output of the filter, (N, k) N, and before it those
+that are on their way, the oldest first."""
 
 
 class ForceSensor(NamedTuple):
@@ -50,20 +42,15 @@ class ForceSensor(NamedTuple):
     def measure(
         self, force: np.ndarray, before: Readings | None, generator: np.random.Generator
     ) -> tuple[np.ndarray, Readings]:
-        """Return what the sensors report at this tick.
+        """Return what the sensors report at this tick, (N, k) N, and what to pass to the next.
 
         Args:
             force: (N, k) N, true.
             before: from the tick before, left as it is; None at the first.
             generator: of the noise; not drawn from where there is none.
-
-        Returns:
-            The measured force (N, k) N and what to pass to the next tick.
         """
         if self.noise > 0.0:
             force = force + generator.normal(0.0, self.noise, force.shape)
-        if before is None:
-            before = Readings(force, np.repeat(force[:, None], self.delay, axis=1))
-        filtered = force + self.kept * (before.filtered - force)
-        queue = np.concatenate([before.delayed, filtered[:, None]], axis=1)
-        return queue[:, 0], Readings(filtered, queue[:, 1:])
+        before = before or (force,) * (self.delay + 1)
+        now = (*before, force + self.kept * (before[-1] - force))[1:]
+        return now[0], now

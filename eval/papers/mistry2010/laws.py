@@ -15,7 +15,7 @@ from eval.papers.mistry2010.force_sensor import ForceSensor
 from eval.papers.mistry2010.metric import metric_inverse_dynamics
 from eval.papers.trial import RATES, Memory
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
-from fbid_gym.dynamics import DynamicsTerms
+from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import ReducedContacts, RobotState, Target
@@ -29,6 +29,35 @@ the reference's joint accelerations are kept, and the base follows."""
 def equation(terms: DynamicsTerms, contacts: ReducedContacts, acceleration: np.ndarray) -> Equation:
     """Return the equation of motion of N robots that shall have accelerations (N, nv)."""
     return Equation(terms.mass_matrix, terms.bias, contacts.jacobian, acceleration, contacts.bias)
+
+
+def posed(
+    robot: Robot,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    acceleration: np.ndarray,
+    active: np.ndarray | None = None,
+) -> tuple[Equation, np.ndarray]:
+    """Pose the equation of motion of a robot at N states.
+
+    Args:
+        robot: the robot.
+        qpos: (N, nq) m, quaternion wxyz, rad.
+        qvel: (N, nv) m/s, rad/s.
+        acceleration: (N, nv) that it shall have.
+        active: (N, P) bool, contact points; None for all.
+
+    Returns:
+        The equation, and the map (N, k, 3 P) from forces of the points to its rows of contacts.
+    """
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    contacts = reduced_contacts(contact_geometry(robot), terms, active)
+    return equation(terms, contacts, acceleration), contacts.point_map
+
+
+def planned_points(robot: Robot, reference: Target) -> np.ndarray:
+    """Return which contact points are planned to be down, (N, P) bool."""
+    return reference.planted[:, contact_geometry(robot).foot_of_point]
 
 
 class Tick(NamedTuple):

@@ -11,32 +11,15 @@ of the same form as before, because L^T is upper triangular and the base comes f
 on joint velocities only. Eq. (15) there gives the torque that minimises, of all with the same
 motion, |tau'|^2 = tau^T (S B^-1 S^T) tau, and takes "the nearest acceleration" in the metric B.
 
-Two metrics whose results do not depend on units: `length_metric`, in which a radian counts as a
-characteristic length, and M itself, the kinetic energy, which needs no such choice but brings the
-inertia, and its errors, back into the choice among torques ([M10], footnote 1).
+Two metrics whose results do not depend on units: one in which a radian counts as a characteristic
+length, and M itself, the kinetic energy, which needs no such choice but brings the inertia, and its
+errors, back into the choice among torques ([M10], footnote 1).
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 
 from eval.papers.mistry2010.force_feedback import Equation
 from fbid_gym.control import InverseDynamics, orthogonal_inverse_dynamics
-
-
-def length_metric(rotary: Sequence[bool], length: float) -> np.ndarray:
-    """Return the metric in which a radian counts as `length` metres.
-
-    Args:
-        rotary: (n,) which joints turn; the others slide.
-        length: m, characteristic, such as that of a leg.
-
-    Returns:
-        (nv, nv) diagonal B: 1 for the base's position and slides, length^2 (m^2/rad^2) for the
-        base's rotation and hinges.
-    """
-    turns = np.array([False] * 3 + [True] * 3 + list(rotary))
-    return np.diag(np.where(turns, length * length, 1.0))
 
 
 def metric_inverse_dynamics(equation: Equation, metric: np.ndarray) -> InverseDynamics:

@@ -1,17 +1,14 @@
 """[M10] III-B.3: eq. (15) gives the least torque, and what limits on the forces add to it."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
-from eval.page.figures import lines, traces
-from eval.page.html import figure, text
-from eval.papers.experiment import Finding, Result, Setting, experiment, judged
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.inertial_parameters.estimation import free_motions
 from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
-from eval.papers.mistry2010.laws import equation
-from eval.wording import number, percent
+from eval.papers.mistry2010.laws import planned_points, posed
 from fbid_gym.control import (
     ContactLimits,
     LimitedInverseDynamics,
@@ -19,12 +16,9 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
-from fbid_gym.quantities import ReducedContacts
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import load
 
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
 ASSUMED = 0.7
@@ -39,46 +33,38 @@ _EDGES = 12
 
 
 class Problem(NamedTuple):
-    """Accelerations that are asked for at T states of a motion.
+    """Accelerations that are asked for at T states of a motion of the biped.
 
     Attributes:
-        robot: whose motion.
         asked: equation of motion with these accelerations.
         achieved: the same with the nearest that the contacts allow.
+        force: (T, nv) generalized forces of these motions, M a + h.
         least: (T, n) N·m of eq. (15).
-        contacts: planned.
-        active: (T, P) bool, their points.
+        point_map: (T, k, 3 P) from forces of the contact points to rows of contacts.
+        active: (T, P) bool, points that are planned to be down.
     """
 
-    robot: Robot
     asked: Equation
     achieved: Equation
+    force: np.ndarray
     least: np.ndarray
-    contacts: ReducedContacts
+    point_map: np.ndarray
     active: np.ndarray
 
-    @property
-    def force(self) -> np.ndarray:
-        """(T, nv) generalized forces of these motions, M a + h."""
-        mass, bias, _, acceleration, _ = self.achieved
-        return np.matvec(mass, acceleration) + bias
 
-
-def posed(robot: Robot, motion: MotionTable, every: int, size: float) -> Problem:
+def problem_of(motion: MotionTable, every: int, size: float) -> Problem:
     """Ask for the reference's accelerations and `size` m/s^2 of the base in random directions."""
-    rows = np.arange(0, motion.period, every)
+    robot, rows = load("biped"), np.arange(0, motion.period, every)
     reference = motion.reference(rows, np.zeros(len(rows)))
-    terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
-    geometry = contact_geometry(robot)
-    active = reference.planted[:, geometry.foot_of_point]
-    contacts = reduced_contacts(geometry, terms, active)
+    active = planned_points(robot, reference)
     angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
     command = reference.qacc.copy()
     command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    asked = equation(terms, contacts, command)
+    asked, point_map = posed(robot, reference.qpos, reference.qvel, command, active)
     found = orthogonal_inverse_dynamics(*asked, base_priority=_BASE_FIRST)
-    achieved = equation(terms, contacts, found.acceleration)
-    return Problem(robot, asked, achieved, found.torque, contacts, active)
+    force = np.matvec(asked.mass_matrix, found.acceleration) + asked.bias
+    achieved = asked._replace(acceleration=found.acceleration)
+    return Problem(asked, achieved, force, found.torque, point_map, active)
 
 
 def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
@@ -86,10 +72,10 @@ def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
     return limited_inverse_dynamics(
         *problem.asked,
         ContactLimits(friction),
-        point_map=problem.contacts.point_map,
+        point_map=problem.point_map,
         active=problem.active,
         base_priority=_BASE_FIRST,
-        length=Stance.of(problem.robot).radius,
+        length=Stance.of(load("biped")).radius,
         accuracy=DEFAULT_ACCURACY._replace(max_iterations=50),
     )
 
@@ -123,15 +109,14 @@ def _impossible(problem: Problem, friction: float) -> np.ndarray:
     A sole's four points can share its wrench in many ways. It counts as possible if any of them
     keeps every point's force within its friction cone, here a pyramid of 12 edges.
     """
-    load = problem.force
-    load[:, 6:] -= problem.least
-    points = problem.achieved.jacobian.mT @ problem.contacts.point_map
+    left = problem.force - np.pad(problem.least, [(0, 0), (6, 0)])
+    points = problem.achieved.jacobian.mT @ problem.point_map
     angle = np.arange(_EDGES) * 2 * np.pi / _EDGES
     edges = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_EDGES)])
     spread = points.reshape(*points.shape[:2], -1, 3) @ edges
     spread = spread.reshape(*points.shape[:2], -1)
-    missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
-    return np.array(missed) > 1e-3 * problem.robot.weight
+    missed = [nnls(s, f)[1] for s, f in zip(spread, left, strict=True)]
+    return np.array(missed) > 1e-3 * load("biped").weight
 
 
 def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -146,7 +131,7 @@ def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
     all joints, relative to eq. (15).""",
     minutes=0.3,
 )
-def claim_minimum_norm(setting: Setting) -> Result:
+def claim_minimum_norm(setting: Setting) -> Measured:
     """Compare torques along the references of the biped's motions."""
     robot, every = load("biped"), setting.pick(10, 40)
     motions = {
@@ -155,9 +140,9 @@ def claim_minimum_norm(setting: Setting) -> Result:
         "squat at 2 Hz": periodic_squat(robot, frequency=2.0),
         "stepping": stepping(robot),
     }
-    rows: list[dict[str, Any]] = []
-    for (name, motion), _ in setting.progress.each(motions.items(), lambda item: item[0]):
-        problems = {size: posed(robot, motion, every, size) for size in SIZES}
+    rows: list[Numbers] = []
+    for name in setting.each(motions):
+        problems = {size: problem_of(motions[name], every, size) for size in SIZES}
         problem = problems[ADDED]
         least = np.linalg.norm(problem.least, axis=1)
         others = _others(problem, np.random.default_rng(0))
@@ -174,89 +159,19 @@ def claim_minimum_norm(setting: Setting) -> Result:
                 "by_friction": [compared(problem, mu) for mu in FRICTION],
             }
         )
-    numbers = {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}
-    time = np.arange(0, motion.period, every) / motion.hz
-    return Result(findings(rows), numbers, _body(rows, problem, time))
-
-
-def findings(rows: list[dict[str, Any]]) -> list[Finding]:
-    """The property, and what moves away from it."""
-    at, below = SIZES.index(ADDED), min(row["below"] for row in rows)
-    ratio = [row["by_size"][at]["ratio"] for row in rows]
-    still = [row["by_size"][0]["ratio"] for row in rows]
-    faults = (
-        f"{row['name']} {percent(row['by_size'][0]['impossible'])} and "
-        f"{percent(row['by_size'][at]['impossible'])}"
-        for row in rows
-    )
-    return [
-        judged(
-            "least norm: other torques with the same motion, how much smaller at best, N·m",
-            "none is smaller",
-            "none is smaller" if below >= -1e-9 else f"{-below:.1e}",
-            "none is smaller",
-            below >= -1e-9,
-        ),
-        Finding(
-            "eq. (15) against its formula with a null-space basis, and against eq. (7)",
-            "the same",
-            f"differ by {max(r['literal'] for r in rows):.0e} N·m and by "
-            f"{max(r['projected'] for r in rows):.0e} N·m",
-        ),
-        Finding(
-            f"|τ| with forces limited to friction {ASSUMED:g}, of eq. (15)'s, along the references",
-            "",
-            f"{number(min(still))} to {number(max(still))}",
-        ),
-        Finding(
-            f"the same with {ADDED:g} m/s² of the base asked for beside",
-            "",
-            f"{number(min(ratio))} to {number(max(ratio))}",
-        ),
-        Finding(
-            "ticks at which eq. (15)'s forces would pull or slip, without and with that",
-            "assumed not to matter",
-            "; ".join(faults),
-        ),
-    ]
-
-
-def _body(rows: list[dict[str, Any]], problem: Problem, time: np.ndarray) -> list[str]:
-    """Draw the sweeps, and the torques of the last motion over time."""
-
-    def curves(sweep: str, what: str) -> list[tuple[str, int, list[float]]]:
-        return [(row["name"], k, [cell[what] for cell in row[sweep]]) for k, row in enumerate(rows)]
-
-    asked, found = "base acceleration added, m/s²", limited(problem, ASSUMED)
-    impossible, missed = curves("by_size", "impossible"), curves("by_size", "missed")
-    least, size = (np.linalg.norm(torque, axis=1) for torque in (problem.least, found.torque))
-    sizes = f"|τ|, {rows[-1]['name']} with {ADDED:g} m/s², N·m"
-    return [
-        figure(
-            [
-                lines(
-                    SIZES, impossible, "Ticks at which eq. (15) pulls or slips", asked,
-                    (0.0, 1.02), percent,
-                ),
-                lines(SIZES, missed, "Wrench missed, of the weight", asked),
-                lines(SIZES, curves("by_size", "ratio"), "|τ| limited, of eq. (15)'s", asked),
-                lines(
-                    FRICTION, curves("by_friction", "ratio"), f"The same at {ADDED:g} m/s²",
-                    "friction",
-                ),
-                traces(time, [("eq. (15)", 0, least), ("limited", 2, size)], sizes),
-                traces(
-                    time, [("limited", 2, found.residual)],
-                    "Wrench missed by the same, of the weight",
-                ),
-            ],
-            "At the references' states, with horizontal accelerations of the base in random "
-            "directions added, as a balance controller would after a push.",
-        ),
-        text(
-            "Two things move the limited form away from the least torque. Where no limit is felt "
-            "it takes the least contact forces, not the least torques; in a squat, the same on "
-            "both sides, these are the same. Where a limit is felt, the forces deliver less than "
-            "is asked for, the motion gives way, and the torque is smaller, too."
-        ),
-    ]  # fmt: skip
+    found = limited(problem, ASSUMED)
+    norms = (np.linalg.norm(torque, axis=1) for torque in (problem.least, found.torque))
+    sweeps = {
+        f"{what} {sweep}": [(r["name"], k, [c[what] for c in r[sweep]]) for k, r in enumerate(rows)]
+        for sweep in ("by_size", "by_friction")
+        for what in ("ratio", "missed", "impossible")
+    }
+    return {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}, {
+        **{"ASSUMED": ASSUMED, "ADDED": ADDED, "sweeps": sweeps},
+        "below": min(r["below"] for r in rows),
+        "still": [r["by_size"][0] for r in rows],
+        "moving": [r["by_size"][SIZES.index(ADDED)] for r in rows],
+        "time": np.arange(0, motions[name].period, every) / motions[name].hz,
+        "torques": list(zip(("eq. (15)", "limited"), (0, 2), norms, strict=True)),
+        "residual": [("limited", 2, found.residual)],
+    }

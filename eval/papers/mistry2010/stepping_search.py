@@ -2,19 +2,15 @@
 
 from collections.abc import Callable
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from eval.page.figures import lines
-from eval.page.html import columns, figure
-from eval.papers.experiment import Finding, Progress, Result, Setting, experiment, judged, prose
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import following
 from eval.papers.mistry2010.laws import orthogonal
 from eval.papers.mistry2010.stepping import FORCE, MOTIONS, PUSH_SECONDS, papers
-from eval.papers.trial import Push, Trial, pushed, simulate
-from eval.wording import percent
+from eval.papers.trial import Trial, pushed, simulate
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.robots import Robot, load
@@ -46,12 +42,7 @@ def soft(factor: float) -> Callable[[Simulation], None]:
 
 
 def pushed_once(
-    robot: Robot,
-    case: tuple[str, float],
-    gains: np.ndarray,
-    force: np.ndarray,
-    seconds: float,
-    progress: Progress,
+    robot: Robot, case: tuple[str, float], gains: np.ndarray, force: np.ndarray, seconds: float
 ) -> tuple[Log, np.ndarray]:
     """Push robots once, each in a direction and at a phase of its own.
 
@@ -61,7 +52,6 @@ def pushed_once(
         gains: (N, 3) as in `GAINS`.
         force: (N,) N.
         seconds: that they have to stay up.
-        progress: to be told.
 
     Returns:
         The log, and the directions (N,) rad, 0 forward.
@@ -69,13 +59,13 @@ def pushed_once(
     rng, count = np.random.default_rng(20100508), len(force)
     angle, start = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.0, 3.0, count)
     vector = force[:, None] * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    push = pushed(Push(np.full(count, _AT), PUSH_SECONDS, vector))
+    push = pushed(np.full((count, 1), _AT), vector[:, None], PUSH_SECONDS)
     trial = Trial(
         robot, following(stepping(robot, STANCES[case[0]])), seconds, count, start=start,
         prepare=soft(case[1]), disturb=push, every=_EVERY,
     )  # fmt: skip
     hertz, zeta, base = gains.T
-    return simulate(trial, papers(robot, orthogonal(), hertz, zeta, base[:, None]), progress), angle
+    return simulate(trial, papers(robot, orthogonal(), hertz, zeta, base[:, None])), angle
 
 
 @experiment(
@@ -85,7 +75,7 @@ def pushed_once(
     phases of the motion; the best of them under more pushes.""",
     minutes=5.0,
 )
-def fig8_9_search(setting: Setting) -> Result:
+def fig8_9_search(setting: Setting) -> Measured:
     """Search, then push the best and the one of the section before harder and harder."""
     robot, seconds = load("biped"), setting.pick(4.0, 2.0)
     gains, forces = setting.pick(GAINS, (OURS, GAINS[-1])), setting.pick(FORCES, FORCES[::3])
@@ -93,10 +83,9 @@ def fig8_9_search(setting: Setting) -> Result:
     stances = setting.pick(tuple(STANCES), ("upright", "crouched"))
     cells = tuple(product(stances, setting.pick(SOFTNESS, (1.0,))))
     every = np.repeat(gains, len(searched), axis=0)
-    tried: list[dict[str, Any]] = []
-    for case, part in setting.progress.part(0.0, 0.7).each(cells, lambda case: case[0]):
-        force = np.tile(searched, len(gains))
-        log, _ = pushed_once(robot, case, every, force, seconds, part)
+    tried: list[Numbers] = []
+    for case in setting.each(cells, 0.7):
+        log, _ = pushed_once(robot, case, every, np.tile(searched, len(gains)), seconds)
         for one, some in zip(gains, log.groups(len(searched)), strict=True):
             row = {"stance": case[0], "softness": case[1], "gains": list(one)}
             tried.append(row | {"up": float(some.survived.mean())})
@@ -107,17 +96,25 @@ def fig8_9_search(setting: Setting) -> Result:
     }
     each = setting.pick(40, 4)
     force = np.repeat(forces, each)
-    for row, part in setting.progress.part(0.7, 1.0).each(chosen.values(), lambda row: "pushes"):
+    for name in setting.each(chosen):
+        row = chosen[name]
         same = np.tile(row["gains"], (len(force), 1))
-        log, angle = pushed_once(
-            robot, (row["stance"], row["softness"]), same, force, seconds, part
-        )
+        log, angle = pushed_once(robot, (row["stance"], row["softness"]), same, force, seconds)
         ahead, hard = np.abs(np.cos(angle)) > np.sqrt(0.5), force == forces[-1]
         row["by force"] = log.survived.reshape(-1, each).mean(axis=1).tolist()
         row["sides"] = [float(log.survived[hard & side].mean()) for side in (ahead, ~ahead)]
         row["kept"] = kept(forces, row["by force"])
     numbers = {"tried": tried, "chosen": chosen, "forces": list(forces), "each": each}
-    return Result(findings(numbers, robot.mass), numbers, _body(numbers))
+    of_case = [[r for r in tried if (r["stance"], r["softness"]) == case] for case in cells]
+    return numbers, {
+        **{"best": best, "before": chosen["the section before"], "mass": robot.mass},
+        **{"FORCE": FORCE, "KEPT": KEPT, "searched": ", ".join(f"{f:g}" for f in SEARCHED)},
+        "survival": [(name, k, row["by force"]) for k, (name, row) in enumerate(chosen.items())],
+        "cases": [
+            (max(rows, key=lambda r: r["up"]), float(np.mean([r["up"] for r in rows])))
+            for rows in of_case
+        ],
+    }
 
 
 def kept(forces: tuple[float, ...], up: list[float]) -> float:
@@ -125,66 +122,3 @@ def kept(forces: tuple[float, ...], up: list[float]) -> float:
     enough = [share >= KEPT for share in up]
     first = enough.index(False) if False in enough else len(enough)
     return forces[first - 1] if first else 0.0
-
-
-def told(row: dict[str, Any]) -> str:
-    """Name a setting."""
-    hertz, zeta, base = row["gains"]
-    milliseconds = 20.0 * row["softness"]
-    gains = f"{hertz:g} Hz, ζ {zeta:g}, base {base:g} Hz"
-    return f"{row['stance']}, {gains}, contacts of {milliseconds:g} ms"
-
-
-def findings(numbers: dict[str, Any], mass: float) -> list[Finding]:
-    """What the best numbers keep, and the robot's mass at which that were the paper's push."""
-    best, before = numbers["chosen"].values()
-    count = len(numbers["tried"])
-    heavy = f"{mass * FORCE / best['kept']:.0f} kg" if best["kept"] else "none"
-    return [
-        judged(
-            f"push that the best of {count} settings of eqs. (15), (18)-(20) keeps in "
-            f"{percent(KEPT)}, N for 150 ms",
-            f"{FORCE:g} (one shown)",
-            f"{best['kept']:g} ({told(best)}); as in the section before: {before['kept']:g}",
-            f"{FORCE:g}",
-            best["kept"] >= FORCE,
-        ),
-        Finding(
-            f"mass of a robot of these proportions for which that is the paper's {FORCE:g} N",
-            "not given",
-            f"{heavy}; ours has {mass:.0f} kg",
-        ),
-        Finding(
-            f"stay up under {numbers['forces'][-1]:g} N by the best: pushed forward or backward, "
-            "sideways",
-            "stays up",
-            ", ".join(percent(share) for share in best["sides"]),
-        ),
-    ]
-
-
-def _body(numbers: dict[str, Any]) -> list[str]:
-    tried = numbers["tried"]
-    curves = [(n, k, row["by force"]) for k, (n, row) in enumerate(numbers["chosen"].items())]
-    title = "Survival of one push"
-    cases = dict.fromkeys((row["stance"], row["softness"]) for row in tried)
-    of = {c: [row for row in tried if (row["stance"], row["softness"]) == c] for c in cases}
-    cells = (
-        ("best of its stance and ground", lambda rows: told(max(rows, key=lambda r: r["up"]))),
-        ("stay up", lambda rows: percent(max(r["up"] for r in rows))),
-        ("mean of all gains", lambda rows: percent(float(np.mean([r["up"] for r in rows])))),
-    )
-    pushes = ", ".join(f"{force:g}" for force in SEARCHED)
-    return [
-        figure(
-            [lines(numbers["forces"], curves, title, "N for 150 ms", (0.0, 1.04), percent)],
-            f"{numbers['each']} robots for each force, in random directions at random phases of "
-            "the motion.",
-            1,
-        ),
-        prose(f"""
-Each setting was pushed with {pushes} N. All forces scale with a robot's mass: one of the same
-proportions that is twice as heavy takes twice the push in the same way, so the mass is not searched
-but told."""),
-        columns(of.values(), cells),
-    ]

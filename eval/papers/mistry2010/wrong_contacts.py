@@ -1,22 +1,17 @@
 """[M10] III-B.6: wrong beliefs about contacts degrade tracking but do not blow up."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from eval.page.figures import lines
-from eval.page.html import figure, folded, table, text
-from eval.papers.experiment import Finding, Result, Setting, experiment, judged, row
+from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
-from eval.papers.mistry2010.laws import ESTIMATED, Law, equation, limited, measured, orthogonal
+from eval.papers.mistry2010.laws import ESTIMATED, Law, limited, measured, orthogonal, posed
 from eval.papers.trial import RATES, Trial, simulate
-from eval.wording import number, percent
 from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import MotionTable, stepping
 from fbid_gym.quantities import RobotState, Target
@@ -29,8 +24,9 @@ FRICTION = (0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
 GAINS, BASE = (2.0, 0.5), 1.0
 """Hz and damping ratio; Hz of eq. (20), critically damped."""
 
+OURS = "eq. (15)"
 COLOURS = {
-    "eq. (15)": 0,
+    OURS: 0,
     "eq. (15), limited": 2,
     "eq. (8), measured force": 3,
     "eq. (8), previous torque": 4,
@@ -65,7 +61,7 @@ def slippery(friction: np.ndarray) -> Callable[[Simulation], None]:
     return prepare
 
 
-def _summary(log: Log, robot: Robot) -> dict[str, Any]:
+def _summary(log: Log, robot: Robot) -> Numbers:
     asked = np.abs(np.where(log.up[:, :, None], log["feedforward"] + log["feedback"], 0.0))
     return {
         "error": float(np.nanmean(log.rms_of_joints(log.error))),
@@ -76,21 +72,19 @@ def _summary(log: Log, robot: Robot) -> dict[str, Any]:
     }
 
 
-def _static(robot: Robot, count: int) -> dict[str, Any]:
+def _static(robot: Robot, count: int) -> Numbers:
     """Eq. (15) at random states with every number of points believed down: how large is tau?"""
-    rng, geometry = np.random.default_rng(5), contact_geometry(robot)
-    points = geometry.num_points
+    rng, points = np.random.default_rng(5), robot.num_points
     qpos = np.tile(robot.home_qpos, (count, 1))
     joints = qpos[:, 7:] + rng.normal(size=(count, robot.num_joints)) * 0.4
     qpos[:, 7:] = np.clip(joints, *robot.joint_range.T)
     qpos[:, 3], qpos[:, 4:7] = 1.0, 0.15 * rng.normal(size=(count, 3))
     qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
-    terms = MuJoCoDynamics(robot).terms(qpos, rng.normal(size=(count, robot.nv)))
-    command = 3.0 * rng.normal(size=(count, robot.nv))
+    qvel, command = (size * rng.normal(size=(count, robot.nv)) for size in (1.0, 3.0))
     down = rng.integers(0, points + 1, count)
     order = rng.permuted(np.tile(np.arange(points), (count, 1)), axis=1)
-    contacts = reduced_contacts(geometry, terms, order < down[:, None])
-    torque = orthogonal_inverse_dynamics(*equation(terms, contacts, command)).torque
+    asked, _ = posed(robot, qpos, qvel, command, order < down[:, None])
+    torque = orthogonal_inverse_dynamics(*asked).torque
     by_count = [np.abs(torque).max(axis=1)[down == k] for k in range(points + 1)]
     return {
         "finite": bool(np.isfinite(torque).all()),
@@ -107,7 +101,7 @@ def _static(robot: Robot, count: int) -> dict[str, Any]:
     believes in.""",
     minutes=2.5,
 )
-def claim_wrong_contacts(setting: Setting) -> Result:
+def claim_wrong_contacts(setting: Setting) -> Measured:
     """Step in place with wrong beliefs, on slippery ground; then random states and beliefs."""
     robot = load("biped")
     motion, geometry = stepping(robot), contact_geometry(robot)
@@ -123,99 +117,32 @@ def claim_wrong_contacts(setting: Setting) -> Result:
     # Every belief and every start in one batch, then every friction.
     wrong = shifted(robot, motion, np.repeat(late, each), forever)
     planned = contact_belief("planned", robot, RATES.control)
-    cases: list[tuple[str, list[str], ContactBelief, dict[str, Any]]] = [
-        ("beliefs", [*delays, *fixed], wrong, {}),
-        ("slip", slips, planned, {"prepare": slippery(np.repeat(friction, each))}),
-    ]
+    cases: dict[str, tuple[list[str], ContactBelief, Numbers]] = {
+        "beliefs": ([*delays, *fixed], wrong, {}),
+        "slip": (slips, planned, {"prepare": slippery(np.repeat(friction, each))}),
+    }
     gains, desire = PdGains.of(robot, *GAINS), base_returning(robot, BASE)
-    rows: list[dict[str, Any]] = []
-    for (name, law), progress in setting.progress.each(laws(robot).items(), lambda item: item[0]):
-        for (_, labels, belief, options), part in progress.each(cases, lambda case: case[0]):
-            count = each * len(labels)
-            start = np.resize(starts, count)
-            trial = Trial(robot, following(motion), seconds, count, start, every=5, **options)
-            log = simulate(trial, JointController(robot, gains, law, belief, desire), part)
-            for label, some in zip(labels, log.groups(each), strict=True):
-                rows.append({"law": name, "belief": label, **_summary(some, robot)})
+    rows: list[Numbers] = []
+    for name, case in setting.each([(name, case) for name in COLOURS for case in cases]):
+        labels, belief, options = cases[case]
+        count = each * len(labels)
+        start = np.resize(starts, count)
+        trial = Trial(robot, following(motion), seconds, count, start, every=5, **options)
+        law = laws(robot)[name]
+        log = simulate(trial, JointController(robot, gains, law, belief, desire))
+        for label, some in zip(labels, log.groups(each), strict=True):
+            rows.append({"law": name, "belief": label, **_summary(some, robot)})
+    static, ours = _static(robot, setting.pick(4000, 500)), [r for r in rows if r["law"] == OURS]
     numbers = {
         "rows": rows, "late": list(late), "friction": list(friction), "fixed": list(fixed),
-        "static": _static(robot, setting.pick(4000, 500)), "each": each,
+        "static": static, "each": each,
     }  # fmt: skip
-    return Result(findings(numbers), numbers, _body(numbers, delays, slips))
-
-
-def findings(numbers: dict[str, Any]) -> list[Finding]:
-    """The claim, measured."""
-    ours, static = [r for r in numbers["rows"] if r["law"] == "eq. (15)"], numbers["static"]
-    right, both = row(ours, belief="as planned"), row(ours, belief="both feet down")
-    worst = max(ours, key=lambda r: r["error"])
-    finite = all(r["finite"] for r in ours) and static["finite"]
-    wrong = [r for r in ours if r["belief"] != "as planned"]
-    peak = max(r["peak"] for r in ours)
-    return [
-        judged(
-            "torques under every wrong belief, eq. (15)",
-            "degrade, do not become singular",
-            f"{'all finite' if finite else 'not finite'}, at most {number(peak, 2)} of a limit",
-            "finite",
-            finite,
-        ),
-        Finding(
-            "RMS tracking error, planned contacts and both feet believed down, mrad",
-            "degrades",
-            f"{number(1e3 * right['error'])} and {number(1e3 * both['error'])}",
-        ),
-        Finding(
-            "the worst of all sweeps, mrad",
-            "",
-            f"{number(1e3 * worst['error'])} ({worst['belief']})",
-        ),
-        Finding(
-            "wrong beliefs of the sweeps under which all robots stay up",
-            "",
-            f"{sum(r['up'] == 1.0 for r in wrong)} of {len(wrong)}",
-        ),
-        Finding(
-            f"largest torque at {static['states']:,} random states, any points believed down, N·m",
-            "",
-            f"{number(max(static['largest']))}; {number(static['largest'][-1])} with all eight",
-        ),
-    ]
-
-
-def _body(numbers: dict[str, Any], delays: list[str], slips: list[str]) -> list[str]:
-    rows, static = numbers["rows"], numbers["static"]
-    charts = []
-    for x, beliefs, below in (
-        (numbers["late"], delays, "contacts switched late, ms"),
-        (numbers["friction"], slips, "friction of the ground"),
-    ):
-        of = {law: [row(rows, law=law, belief=b) for b in beliefs] for law in COLOURS}
-        errors = [(law, c, [1e3 * r["error"] for r in of[law]]) for law, c in COLOURS.items()]
-        up = [(law, c, [r["up"] for r in of[law]]) for law, c in COLOURS.items()]
-        charts.append(lines(x, errors, "RMS tracking error, mrad", below))
-        charts.append(lines(x, up, "Robots that stay up", below, (0.0, 1.04), percent))
-    torques = [("largest", 5, static["largest"]), ("median", 0, static["median"])]
-    title = "Eq. (15) at random states, largest joint torque, N·m"
-    charts.append(lines(range(len(static["median"])), torques, title, "points believed down"))
-    cells = [
-        [
-            belief,
-            *(
-                f"{number(1e3 * c['error'])} mrad, {number(c['torque'])} N·m, {percent(c['up'])} up"
-                for c in (row(rows, law=law, belief=belief) for law in COLOURS)
-            ),
-        ]
-        for belief in dict.fromkeys(r["belief"] for r in rows)
-    ]
-    said = text("RMS tracking error, RMS torque, share of robots that stay up.")
-    return [
-        figure(
-            charts,
-            "Stepping in place for 12 s with the controller of the section on stepping, "
-            f"{numbers['each']} starts each. Errors are up to a fall. The limited form assumes a "
-            "friction of 0.7 whatever the ground has. Last: no simulation, 2 or 3 points of one "
-            "sole are underactuated.",
-        ),
-        folded("Every belief as a table", table(["", *COLOURS], cells) + said),
-    ]
+    return numbers, {
+        **{"COLOURS": COLOURS, "of": {r["belief"]: r for r in ours}},
+        "wrong": [r for r in ours if r["belief"] != "as planned"],
+        "worst": max(ours, key=lambda r: r["error"]),
+        "peak": max(r["peak"] for r in ours),
+        "finite": all(r["finite"] for r in ours) and static["finite"],
+        "by_delay": [r for r in rows if r["belief"] in delays],
+        "by_friction": [r for r in rows if r["belief"] in slips],
+    }

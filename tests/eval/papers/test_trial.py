@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from eval.papers.camera import Camera
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import orthogonal
-from eval.papers.trial import RATES, Push, Trial, pushed, simulate
+from eval.papers.trial import RATES, Trial, pushed, simulate
 from fbid_gym.motions import periodic_squat
 from fbid_gym.robots import load
 
@@ -73,14 +74,13 @@ def test_robots_begin_where_and_when_they_shall(robot, motion):
 
 
 def test_pushes_come_when_they_are_due_and_add_up(robot, motion):
-    first = Push(np.array([0.02, 0.04]), 0.03, np.array([[10.0, 0.0, 0.0], [0.0, 20.0, 0.0]]))
-    second = Push(np.array([0.04, 0.9]), 0.02, np.array([[5.0, 0.0, 1.0], [9.0, 9.0, 9.0]]))
+    start, force = np.array([[0.02, 0.04], [0.04, 0.9]]), np.zeros((2, 2, 3))
+    force[0, 0, 0], force[0, 1], force[1, 0, 1], force[1, 1] = 10.0, [5.0, 0.0, 1.0], 20.0, 9.0
     controller = JointController(robot, PdGains.of(robot, 4.0))
-    log = simulate(
-        Trial(robot, following(motion), 0.1, 2, disturb=pushed(first, second)), controller
-    )
+    push = pushed(start, force, 0.03)
+    log = simulate(Trial(robot, following(motion), 0.1, 2, disturb=push), controller)
     tick = np.arange(len(log.time))
-    ten = 10.0 * ((tick >= 10) & (tick < 25)) + 5.0 * ((tick >= 20) & (tick < 30))
+    ten = 10.0 * ((tick >= 10) & (tick < 25)) + 5.0 * ((tick >= 20) & (tick < 35))
     np.testing.assert_allclose(log["push"][:, 0, 0], ten)
     np.testing.assert_allclose(log["push"][:, 1, 1], 20.0 * ((tick >= 20) & (tick < 35)))
     assert (log["push"][:, 1, [0, 2]] == 0.0).all()
@@ -100,3 +100,15 @@ def test_statistics_end_with_a_fall():
     first, second = log.groups(2)
     np.testing.assert_array_equal(first["what"], values[:, :2])
     np.testing.assert_array_equal(second.fell, [0.0])
+
+
+def test_pictures_are_of_the_moments_that_a_log_has(robot):
+    qpos = np.tile(robot.home_qpos, (4, 1, 1))
+    qpos[2:, 0, 2] -= 0.2
+    log = Log(
+        0.1 * np.arange(4), np.full(1, np.nan), {"qpos": qpos, "push": 50.0 + 0.0 * qpos[:, :, :3]}
+    )
+    camera = Camera(robot, 640, 480)
+    first, last = camera.strip(log, [0.0, 0.2, 9.0])
+    assert first.shape == (480, 640, 3) and (first != last).any()
+    assert camera.film(log, 10.0)[4:8] == b"ftyp"

@@ -13,8 +13,9 @@ from eval.papers.inertial_parameters.estimation import (
     free_motions,
     projected_equations,
     regression,
+    scaled,
 )
-from eval.papers.inertial_parameters.excitation import by_steps, natural_steps
+from eval.papers.inertial_parameters.excitation import natural_steps
 from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     consistency,
@@ -39,7 +40,9 @@ def identify(robot, samples, **options):
 
 def divergence(found):
     """Entropic divergence D (B,) of the estimated bodies from the nominal ones."""
-    relative = np.linalg.solve(pseudo_inertia(found.nominal), pseudo_inertia(found.parameters))
+    relative = np.linalg.solve(
+        pseudo_inertia(found.regressor.parameters()), pseudo_inertia(found.parameters)
+    )
     sign, size = np.linalg.slogdet(relative)
     assert (sign > 0).all()
     return np.trace(relative, axis1=1, axis2=2) - size - 4.0
@@ -184,7 +187,10 @@ def test_regression_is_all_that_the_samples_say(nominal, samples, rng):
 
 
 def test_joined_samples(samples):
-    joined = Samples.joined([everywhere(samples.rows(0, 150)), samples.rows(150, 400)])
+    first, last = (
+        Samples(*(part[rows] for part in samples)) for rows in (slice(150), slice(150, None))
+    )
+    joined = Samples.joined([everywhere(first), last])
     assert joined.active[:150].all()
     np.testing.assert_array_equal(joined.active[150:], samples.active[150:])
     for name in ("qpos", "qvel", "qacc", "torque"):
@@ -217,7 +223,7 @@ def test_a_truth_far_from_nominal_comes_back(rng):
 def test_parameters_told_by_themselves_come_back(true, exact):
     """What the report calls told is the truth; what it calls combined need not be."""
     truth = InertialRegressor(true).parameters()
-    scale = np.linalg.norm(natural_steps(exact.nominal), axis=2)
+    scale = np.linalg.norm(natural_steps(exact.regressor.parameters()), axis=2)
     wrong_by = np.abs(exact.parameters - truth) / scale
     # To the share that stays open, of an error of order one.
     told = exact.excitation.open_share < 1e-6
@@ -260,7 +266,7 @@ def test_the_estimate_is_the_minimum(nominal, samples, rng, weight):
     data = regression(regressor, noisy)
     found = estimate(regressor, data, prior_weight=weight)
     least = objective(found, data, weight)
-    steps = natural_steps(found.nominal)
+    steps = natural_steps(found.regressor.parameters())
     # A convex function: it rises along a line through the minimum, the same to first order.
     for size in (1e-3, 1e-2):
         for _ in range(10):
@@ -278,7 +284,7 @@ def test_a_weak_prior_reaches_the_best_that_can_exist(nominal, samples, rng):
     regressor = InertialRegressor(nominal)
     data = regression(regressor, noisy)
     found = estimate(regressor, data, prior_weight=1e-8)
-    best = semidefinite_least_squares(data, found.nominal)
+    best = semidefinite_least_squares(data, regressor.parameters())
     unconstrained = data.rest / np.sqrt(data.rows)
     assert unconstrained < best <= found.residual * (1 + 1e-6)
     assert found.residual - best < 1e-4 * best
@@ -286,10 +292,7 @@ def test_a_weak_prior_reaches_the_best_that_can_exist(nominal, samples, rng):
 
 def semidefinite_least_squares(data, nominal):
     """Least residual of parameters with pseudo-inertias P_b >= 0, by Clarabel."""
-    count, steps = len(nominal), natural_steps(nominal)
-    size = np.sqrt(data.square)
-    effect = by_steps(data.matrix, steps) / size
-    error = (data.target - data.matrix @ nominal.ravel()) / size
+    count, (steps, effect, error) = len(nominal), scaled(data, nominal)
     # Clarabel's triangle: columns of the upper triangle, off-diagonals times sqrt 2.
     rows, columns = np.triu_indices(4)
     order = np.lexsort((rows, columns))
@@ -375,8 +378,8 @@ def test_planted_flat_feet_do_not_tell_their_own_parameters(rng):
         expected = {f"{foot} {parameter}" for foot in hidden for parameter in PARAMETERS}
         assert set(found.excitation.untold) == expected
         for foot in hidden:  # and they stay what they were
-            body = found.names.index(foot)
-            np.testing.assert_allclose(found.parameters[body], found.nominal[body], rtol=1e-9)
+            body, nominal = found.regressor.names.index(foot), found.regressor.parameters()
+            np.testing.assert_allclose(found.parameters[body], nominal[body], rtol=1e-9)
             assert divergence(found)[body] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -407,7 +410,7 @@ def test_joints_that_never_move_hide_their_links(rng):
 def test_names_cover_all_parameters_once(exact):
     report = exact.excitation
     names = [*report.told, *report.combined, *report.untold]
-    assert len(names) == len(set(names)) == 10 * len(exact.names)
+    assert len(names) == len(set(names)) == 10 * len(exact.regressor.names)
     assert report.condition == pytest.approx(
         report.singular_values[0] / report.singular_values[report.dimension - 1]
     )

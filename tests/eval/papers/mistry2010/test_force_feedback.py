@@ -1,8 +1,5 @@
 """Eqs. (5) to (8) as printed, against forward dynamics, and what they leave to the forces."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -17,12 +14,12 @@ from eval.papers.mistry2010.force_feedback import (
 from fbid_gym.control import orthogonal_inverse_dynamics
 
 
-def equation(system: Any) -> Equation:
+def equation(system):
     """As the rivals take it."""
     return Equation(*system.law)
 
 
-def forward(system: Any, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def forward(system, torque):
     """Accelerations and least contact forces under a torque, by dense least squares."""
     nv, accelerations, forces = system.bias.shape[1], [], []
     for i, jacobian in enumerate(system.jacobian):
@@ -36,26 +33,24 @@ def forward(system: Any, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(accelerations), np.array(forces)
 
 
-def dual_selection(mass_matrix: np.ndarray) -> np.ndarray:
+def dual_selection(mass_matrix):
     """Sbar^T = (S M^-1 S^T)^-1 S M^-1 of one robot, as the paper writes it."""
     inverse = np.linalg.inv(mass_matrix)
     return np.linalg.solve(inverse[6:, 6:], inverse[6:])
 
 
-def achievable(system: Any) -> Any:
+def achievable(system):
     """The same system with the nearest command that contacts and underactuation allow."""
     return system._replace(acceleration=orthogonal_inverse_dynamics(*system.law).acceleration)
 
 
 @pytest.fixture
-def torque_of(rng: np.random.Generator) -> Callable[[Any], np.ndarray]:
+def torque_of(rng):
     """Random joint torques for a system."""
     return lambda system: rng.normal(0.0, 30.0, (len(system.bias), system.bias.shape[1] - 6))
 
 
-def test_equations_5_to_8_hold_as_printed(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray]
-) -> None:
+def test_equations_5_to_8_hold_as_printed(make_system, torque_of):
     """Signs included, at a moving robot under any torque; independent rows as in the paper."""
     system = make_system("four point feet")
     torque = torque_of(system)
@@ -84,9 +79,7 @@ def test_equations_5_to_8_hold_as_printed(
         np.testing.assert_allclose(left, torque[i], atol=1e-7)
 
 
-def test_force_of_a_torque_is_that_of_forward_dynamics(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
-) -> None:
+def test_force_of_a_torque_is_that_of_forward_dynamics(make_system, torque_of, contacts):
     system = make_system(contacts)
     torque = torque_of(system)
     _, expected = forward(system, torque)
@@ -94,9 +87,7 @@ def test_force_of_a_torque_is_that_of_forward_dynamics(
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_eq_8_to_the_letter_for_any_force(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
+def test_eq_8_to_the_letter_for_any_force(make_system, rng, contacts):
     """A force that fits nothing, too; and the base acceleration is the one it causes."""
     system = make_system(contacts)
     force = rng.normal(0.0, 100.0, system.jacobian_bias.shape)
@@ -113,9 +104,7 @@ def test_eq_8_to_the_letter_for_any_force(
     np.testing.assert_array_equal(found.acceleration[:, 6:], system.acceleration[:, 6:])
 
 
-def test_a_wrong_force_costs_what_the_law_says(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
+def test_a_wrong_force_costs_what_the_law_says(make_system, rng, contacts):
     """Torque off by -Sbar^T J^T dF; acceleration by what forward dynamics make of that."""
     system = achievable(make_system(contacts))
     right = orthogonal_inverse_dynamics(*system.law)
@@ -133,7 +122,7 @@ def test_a_wrong_force_costs_what_the_law_says(
         np.testing.assert_allclose(achieved[i] - system.acceleration[i], moved, atol=1e-5)
 
 
-def test_wrongly_measured_internal_forces_move_nothing(make_system: Callable[..., Any]) -> None:
+def test_wrongly_measured_internal_forces_move_nothing(make_system):
     """Errors that the base does not feel change the squeeze between the feet, not the motion."""
     system = achievable(make_system("two flat feet"))
     right = orthogonal_inverse_dynamics(*system.law)
@@ -145,9 +134,7 @@ def test_wrongly_measured_internal_forces_move_nothing(make_system: Callable[...
     np.testing.assert_allclose(achieved, system.acceleration, atol=1e-6)
 
 
-def test_projection_is_the_papers_and_its_rank_what_contacts_leave(
-    make_system: Callable[..., Any], contacts: str
-) -> None:
+def test_projection_is_the_papers_and_its_rank_what_contacts_leave(make_system, contacts):
     system = make_system(contacts)
     operator, rank = actuated_projection(equation(system))
     joints = system.bias.shape[1] - 6
@@ -170,12 +157,9 @@ def test_projection_is_the_papers_and_its_rank_what_contacts_leave(
     ("contacts", "lacking"),
     [("one flat foot", 0), ("two flat feet", 6), ("four point feet", 6), ("trot pair", 1)],
 )
-def test_what_the_projection_lacks_presses_the_contacts_together(
-    make_system: Callable[..., Any],
-    torque_of: Callable[[Any], np.ndarray],
-    contacts: str,
-    lacking: int,
-) -> None:
+def test_what_the_projection_lacks_presses_contacts_together(
+    make_system, torque_of, contacts, lacking
+):
     """Torques in the null space of eq. (7)'s operator change contact forces and no motion."""
     system = make_system(contacts)
     operator, rank = actuated_projection(equation(system))
@@ -193,9 +177,7 @@ def test_what_the_projection_lacks_presses_the_contacts_together(
     "contacts",
     ["one flat foot", "two flat feet", "flat foot and toe", "two edges", "four point feet"],
 )
-def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(
-    make_system: Callable[..., Any], contacts: str
-) -> None:
+def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(make_system, contacts):
     """Where contacts hold the base: a model of other masses shifts both laws by the same."""
     system = achievable(make_system(contacts))
     wrong = make_system(contacts)
@@ -208,7 +190,7 @@ def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(
         np.testing.assert_allclose(found.contact_force, expected.contact_force, atol=1e-5)
 
 
-def test_eq_7_achieves_what_it_says(make_system: Callable[..., Any], contacts: str) -> None:
+def test_eq_7_achieves_what_it_says(make_system, contacts):
     """Underactuated too, where joints do as commanded and the base what is left to it."""
     system = achievable(make_system(contacts))
     found = inertia_weighted(equation(system))
@@ -222,9 +204,7 @@ def test_eq_7_achieves_what_it_says(make_system: Callable[..., Any], contacts: s
     np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
 
 
-def test_the_previous_torque_iterates_towards_eq_7(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
-) -> None:
+def test_the_previous_torque_iterates_towards_eq_7(make_system, torque_of, contacts):
     """Ticks at a fixed state: error (1 - O)^k times the first, and never gone where O is zero."""
     system = achievable(make_system(contacts))
     goal = inertia_weighted(equation(system)).torque
@@ -242,9 +222,7 @@ def test_the_previous_torque_iterates_towards_eq_7(
         np.testing.assert_allclose(idle @ inverse[i] @ (torque - start)[i], 0.0, atol=1e-6)
 
 
-def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(
-    make_system: Callable[..., Any],
-) -> None:
+def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(make_system):
     """A constant feedback torque as part of what was applied, along eigenvectors of O."""
     system = achievable(make_system("two flat feet", count=1))
     operator, _ = actuated_projection(equation(system))

@@ -8,9 +8,7 @@ import pytest
 from eval.papers.mistry2010.force_sensor import ForceSensor, Readings
 
 
-def record(
-    sensor: ForceSensor, forces: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, Readings]:
+def record(sensor, forces, rng):
     """Measurements (T, N, k) of forces (T, N, k), and what is remembered."""
     state: Readings | None = None
     measured = []
@@ -21,14 +19,14 @@ def record(
     return np.array(measured), state
 
 
-def test_an_ideal_sensor_reports_the_force(rng: np.random.Generator) -> None:
+def test_an_ideal_sensor_reports_the_force(rng):
     forces = rng.normal(size=(20, 3, 6))
     measured, _ = record(ForceSensor(500.0), forces, rng)
     np.testing.assert_array_equal(measured, forces)
 
 
 @pytest.mark.parametrize("delay", [1, 2, 7])
-def test_delay_is_exact(rng: np.random.Generator, delay: int) -> None:
+def test_delay_is_exact(rng, delay):
     """And until the first sample is through, it stands for what came before."""
     forces = rng.normal(size=(20, 3, 6))
     measured, _ = record(ForceSensor(500.0, delay=delay), forces, rng)
@@ -37,9 +35,7 @@ def test_delay_is_exact(rng: np.random.Generator, delay: int) -> None:
 
 
 @pytest.mark.parametrize("cutoff", [5.0, 40.0, 400.0])
-def test_step_response_is_that_of_the_continuous_filter(
-    rng: np.random.Generator, cutoff: float
-) -> None:
+def test_step_response_is_that_of_the_continuous_filter(rng, cutoff):
     """A force that jumps from 0 to 1 between two ticks: 1 - exp(-2 pi cutoff t) at the ticks."""
     forces = np.zeros((60, 2, 3))
     forces[1:] = 1.0
@@ -49,7 +45,7 @@ def test_step_response_is_that_of_the_continuous_filter(
     np.testing.assert_allclose(measured, expected, atol=1e-12)
 
 
-def test_slow_forces_pass_and_fast_ones_do_not(rng: np.random.Generator) -> None:
+def test_slow_forces_pass_and_fast_ones_do_not(rng):
     """Amplitude 1 / sqrt(1 + (f / cutoff)^2), at a control rate far above."""
     time = np.arange(8000) / 4000.0
     for frequency, cutoff in ((2.0, 20.0), (20.0, 20.0), (100.0, 20.0)):
@@ -60,7 +56,7 @@ def test_slow_forces_pass_and_fast_ones_do_not(rng: np.random.Generator) -> None
 
 
 @pytest.mark.parametrize("cutoff", [math.inf, 30.0])
-def test_noise_has_its_standard_deviation(rng: np.random.Generator, cutoff: float) -> None:
+def test_noise_has_its_standard_deviation(rng, cutoff):
     sensor = ForceSensor(500.0, noise=3.0, cutoff_hz=cutoff)
     measured, _ = record(sensor, np.full((2000, 5, 10), 100.0), rng)
     settled = measured[200:]
@@ -73,7 +69,7 @@ def test_noise_has_its_standard_deviation(rng: np.random.Generator, cutoff: floa
     assert np.abs(correlation).max() < 0.3
 
 
-def test_the_generator_decides_the_noise() -> None:
+def test_the_generator_decides_the_noise():
     forces = np.zeros((30, 2, 3))
     sensor = ForceSensor(500.0, noise=1.0, cutoff_hz=30.0, delay=2)
     first, second, third = (
@@ -83,7 +79,7 @@ def test_the_generator_decides_the_noise() -> None:
     assert (first != third).all()
 
 
-def test_measuring_leaves_the_state_alone(rng: np.random.Generator) -> None:
+def test_measuring_leaves_the_state_alone(rng):
     sensor = ForceSensor(500.0, noise=1.0, cutoff_hz=10.0, delay=3)
     _, state = record(sensor, rng.normal(size=(5, 2, 3)), rng)
     before = [x.copy() for x in state]

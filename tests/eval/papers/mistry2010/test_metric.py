@@ -1,15 +1,14 @@
 """Homogeneous metrics on a robot whose legs slide: units must not choose the torque."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from eval.papers.mistry2010.force_feedback import Equation, estimated_force
-from eval.papers.mistry2010.metric import length_metric, metric_inverse_dynamics
-from fbid_gym.control import InverseDynamics, orthogonal_inverse_dynamics
+from eval.papers.mistry2010.metric import metric_inverse_dynamics
+from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.robots import Robot
@@ -19,13 +18,13 @@ ROTARY = [True, True, False] * 4
 MILLIMETRES = 1000.0
 
 
-def telescopic(unit: float) -> str:
+def telescopic(unit):
     """Four legs of two hinges and a slide each, all lengths in multiples of 1 m / unit."""
 
-    def length(*values: float) -> str:
+    def length(*values):
         return " ".join(f"{unit * value:.17g}" for value in values)
 
-    def moments(*values: float) -> str:
+    def moments(*values):
         return " ".join(f"{unit * unit * value:.17g}" for value in values)
 
     legs, motors = "", ""
@@ -64,6 +63,12 @@ def telescopic(unit: float) -> str:
     </mujoco>"""
 
 
+def length_metric(length):
+    """The metric (nv, nv) of this robot in which a radian counts as a length."""
+    turns = np.array([False] * 3 + [True] * 3 + ROTARY)
+    return np.diag(np.where(turns, length * length, 1.0))
+
+
 class Case(NamedTuple):
     """The arguments of a law for the same states, in one system of units."""
 
@@ -72,10 +77,10 @@ class Case(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
+def describe(tmp_path_factory):
     """`describe(unit, consistent)`: a standing robot, moving fast, with a random command."""
 
-    def make(unit: float, consistent: bool = False) -> Case:
+    def make(unit, consistent=False):
         path: Path = tmp_path_factory.mktemp("robot") / "telescopic.xml"
         path.write_text(telescopic(unit))
         robot = Robot.from_mjcf(path, feet=[f"foot{number}" for number in range(4)])
@@ -90,7 +95,7 @@ def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
         command = rng.normal(0.0, 2.0, qvel.shape) * scale
         if consistent:
             # Least in the same metric in all units, so that it is the same command.
-            metric = length_metric(ROTARY, LEG * unit)
+            metric = length_metric(LEG * unit)
             held = metric_inverse_dynamics(Equation(*law, command, contacts.bias), metric)
             command = held.acceleration
         return Case((*law, command, contacts.bias), scale)
@@ -98,7 +103,7 @@ def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
     return make
 
 
-def convert(solution: InverseDynamics, unit: np.ndarray, to: float) -> InverseDynamics:
+def convert(solution, unit, to):
     """A solution in metres, told in other units: torque x velocity is a power."""
     power = to * to
     return solution._replace(
@@ -110,15 +115,13 @@ def convert(solution: InverseDynamics, unit: np.ndarray, to: float) -> InverseDy
 
 @pytest.mark.parametrize("metric", ["length", "inertia"])
 @pytest.mark.parametrize("consistent", [False, True])
-def test_with_a_metric_units_do_not_matter(
-    describe: Callable[..., Case], metric: str, consistent: bool
-) -> None:
+def test_with_a_metric_units_do_not_matter(describe, metric, consistent):
     """Torque and achieved acceleration, even for a command that the contacts do not allow."""
     metres, other = describe(1.0, consistent), describe(MILLIMETRES, consistent)
     solutions = [
         metric_inverse_dynamics(
             Equation(*case.law),
-            length_metric(ROTARY, LEG * unit) if metric == "length" else case.law[0],
+            length_metric(LEG * unit) if metric == "length" else case.law[0],
         )
         for case, unit in ((metres, 1.0), (other, MILLIMETRES))
     ]
@@ -130,7 +133,7 @@ def test_with_a_metric_units_do_not_matter(
     np.testing.assert_array_equal(solutions[1].underactuation, 0)
 
 
-def test_without_a_metric_units_choose_the_torque(describe: Callable[..., Case]) -> None:
+def test_without_a_metric_units_choose_the_torque(describe):
     """The plain law: a tenth or more of the torque depends on how long a metre is."""
     solutions = []
     for unit in (1.0, 10.0):
@@ -142,15 +145,13 @@ def test_without_a_metric_units_choose_the_torque(describe: Callable[..., Case])
     assert (off > 0.1).all()
 
 
-def random_metrics(rng: np.random.Generator, count: int, size: int) -> np.ndarray:
+def random_metrics(rng, count, size):
     """(count, size, size) symmetric positive definite."""
     factor = rng.normal(size=(count, size, size + 3))
     return factor @ factor.mT / size
 
 
-def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
+def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(make_system, rng, contacts):
     """W = S B^-1 S^T for any B; and the correction of the command is B-orthogonal to motions."""
     system = make_system(contacts)
     count, nv = system.bias.shape
@@ -178,9 +179,7 @@ def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(
         np.testing.assert_allclose(free @ change, 0.0, atol=1e-6)
 
 
-def test_a_diagonal_metric_is_a_torque_cost(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
+def test_a_diagonal_metric_is_a_torque_cost(make_system, rng, contacts):
     """[M10] eq. (16) with W = S B^-1 S^T, once the command is achievable."""
     system = make_system(contacts)
     achieved = orthogonal_inverse_dynamics(*system.law).acceleration
@@ -193,9 +192,7 @@ def test_a_diagonal_metric_is_a_torque_cost(
     np.testing.assert_allclose(found.acceleration, weighted.acceleration, atol=1e-7)
 
 
-def test_the_inertia_metric_is_where_previous_torques_lead(
-    make_system: Callable[..., Any],
-) -> None:
+def test_the_inertia_metric_is_where_previous_torques_lead(make_system):
     """Eq. (8) fed by eq. (6), from no torque: it ends at the least torque in S M^-1 S^T."""
     system = make_system("two flat feet", count=1)
     achieved = orthogonal_inverse_dynamics(*system.law).acceleration
@@ -207,8 +204,3 @@ def test_the_inertia_metric_is_where_previous_torques_lead(
     np.testing.assert_allclose(torque, expected.torque, atol=1e-3)
     plain = orthogonal_inverse_dynamics(*system.law).torque
     assert np.abs(plain - expected.torque).max() > 1.0
-
-
-def test_length_metric_says_what_a_radian_counts() -> None:
-    metric = length_metric([True, False], 0.5)
-    np.testing.assert_array_equal(metric, np.diag([1, 1, 1, 0.25, 0.25, 0.25, 0.25, 1]))

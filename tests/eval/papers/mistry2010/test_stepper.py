@@ -6,7 +6,7 @@ import pytest
 from eval.papers.mistry2010.controllers import following
 from eval.papers.mistry2010.stepper import Stepper
 from eval.papers.mistry2010.stepping import MOTIONS, OURS, controller
-from eval.papers.trial import RATES, Push, Trial, pushed, simulate
+from eval.papers.trial import RATES, Trial, pushed, simulate
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
 from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
@@ -64,7 +64,7 @@ def test_a_planned_step_waits_until_the_robot_is_calm(robot, speed):
 def test_it_takes_200_newtons_where_the_papers_controller_falls(robot):
     angle = np.pi * np.array([0.0, 0.5, 1.0, 1.5])
     force = 200.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    push = pushed(Push(np.full(4, 0.4), 0.15, force))
+    push = pushed(np.full((4, 1), 0.4), force[:, None], 0.15)
     plan, start = following(stepping(robot, CROUCHED)), np.array([0.0, 0.3, 1.0, 1.8])
     trial = Trial(robot, plan, 3.0, 4, start=start, disturb=push, watch=("steps",))
     log = simulate(trial, controller(robot, "crouched", OURS))
