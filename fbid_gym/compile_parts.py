@@ -5,16 +5,22 @@ the function that calls it is compiled, where all of that happens again: five or
 lies deep inside a law. A part is only tidied up; what calls it takes it over as it is, and the
 kernel is optimised as a whole, once.
 
+Numba passes a tuple on field by field, and an array as ten numbers: nine tenths of the text that it
+wrote for LLVM took tuples apart at calls and put them together again. Here named tuples are passed
+whole, from kernels to parts and from part to part. So parts are called by nothing else.
+
 A part counts references to arrays only if it makes some itself, else its caller keeps what it is
 passed: Numba counts those of every array of every named tuple, up when a function begins and down
 when it ends, each an atomic step. That were hundreds for a robot and tick.
 
-This uses Numba's compiler pipeline, which may be extended, and its code library, which is internal;
-`tests/test_compiled.py` holds that both still do what is said here.
+This uses Numba's compiler pipeline and its data models, which may be extended, and its code library,
+which is internal; `tests/test_compiled.py` holds that they still do what is said here.
 """
 
 from typing import Any
 
+from numba import types
+from numba.core import datamodel
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
@@ -23,6 +29,26 @@ from numba.core.typed_passes import NativeLowering
 
 class _PartLibrary(JITCodeLibrary):
     """Code to be linked into other code, and never run from here."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Tidy up what is defined here; Numba sets up its passes for each declaration too."""
+        import os
+
+        if os.environ.get("FPM") == "sroa":
+            from llvmlite.binding import newpassmanagers as npm
+
+            module.data_layout = self._codegen._data_layout
+            builder = self._codegen._pass_builder()
+            passes = npm.create_new_function_pass_manager()
+            passes.add_sroa_pass()
+            passes.add_instruction_combine_pass()
+            passes.add_simplify_cfg_pass()
+        else:
+            module.data_layout = self._codegen._data_layout
+            passes, builder = self._codegen._function_pass_manager()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
         """Leave it to whoever calls this."""
@@ -69,8 +95,43 @@ def _makes_arrays(state: Any) -> bool:
     return counted(state.return_type) or any(map(makes, steps))
 
 
+class _Whole:
+    """Mixed into how Numba sees a named tuple: it is passed as the value that it is."""
+
+    def get_argument_type(self: Any) -> Any:
+        return self.get_value_type()
+
+    def as_argument(self, builder: Any, value: Any) -> Any:
+        return value
+
+    def from_argument(self, builder: Any, value: Any) -> Any:
+        return value
+
+
+class _WholeTuple(_Whole, datamodel.models.TupleModel):  # type: ignore[misc]
+    """A named tuple of fields of different kinds."""
+
+
+class _WholeUniTuple(_Whole, datamodel.models.UniTupleModel):  # type: ignore[misc]
+    """A named tuple of fields of one kind."""
+
+
+_MODELS = datamodel.DataModelManager().chain(datamodel.default_manager)
+_MODELS.register(types.NamedTuple, _WholeTuple)
+_MODELS.register(types.NamedUniTuple, _WholeUniTuple)
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _PartLowering(NativeLowering):
+class _EntryLowering(NativeLowering):
+    _name = "lowering_of_an_entry"
+
+    def run_pass(self, state: Any) -> bool:
+        state.targetctx = state.targetctx.subtarget(data_model_manager=_MODELS)
+        return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _PartLowering(_EntryLowering):
     _name = "lowering_of_a_part"
 
     def run_pass(self, state: Any) -> bool:
@@ -80,15 +141,40 @@ class _PartLowering(NativeLowering):
         return bool(super().run_pass(state))
 
 
-class PartCompiler(Compiler):
-    """Compiles a part."""
+# Stages for what is in no kernel: context managers, functions inside functions, functions that are
+# inlined as Numba's own code. Each of the others costs milliseconds for every function.
+_NEEDLESS = {
+    "Handle with contexts",
+    "inline calls to locally defined closures",
+    "rewrite dynamic raises",
+    "convert make_function into JIT functions",
+    "inline inlinable functions",
+    "find literally calls",
+    "handles literal_unroll",
+    "inline overloaded functions",
+    "ensure features that are in use are in a valid form",
+    "dump parfor diagnostics",
+}
+
+
+class EntryCompiler(Compiler):
+    """Compiles what Python calls."""
+
+    lowering: type = _EntryLowering
 
     def define_pipelines(self) -> list[Any]:
-        """Return Numba's usual stages, the one that ends in machine code replaced."""
+        """Return Numba's usual stages, but for the one that ends in machine code."""
         (usual,) = super().define_pipelines()
         usual.passes = [
-            (_PartLowering if stage is NativeLowering else stage, about)
+            (self.lowering if stage is NativeLowering else stage, about)
             for stage, about in usual.passes
+            if about not in _NEEDLESS
         ]
         usual.finalize()
         return [usual]
+
+
+class PartCompiler(EntryCompiler):
+    """Compiles a part."""
+
+    lowering = _PartLowering

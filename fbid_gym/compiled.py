@@ -34,7 +34,7 @@ from numba.extending import typeof_impl
 
 from fbid_gym.compile_cache import folders, kept
 from fbid_gym.compile_entry import door_to, entry_to, is_tuple
-from fbid_gym.compile_parts import PartCompiler
+from fbid_gym.compile_parts import EntryCompiler, PartCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -91,7 +91,8 @@ class _Part:
     def entry(self) -> Any:
         """What Python calls."""
         of_leaves = isinstance(self, _Kernel)
-        entry = njit(entry_to(self, self.kinds) if of_leaves else self.__wrapped__, **_OPTIONS)
+        function = entry_to(self, self.kinds) if of_leaves else self.__wrapped__
+        entry = njit(function, **_OPTIONS, pipeline_class=EntryCompiler)
         # The places are named after our sources: those of others may have changed.
         return kept(entry, _PLACES) if self.__module__.partition(".")[0] == _OURS else entry
 

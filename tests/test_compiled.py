@@ -113,3 +113,11 @@ def test_parts_answer_as_in_python_and_what_they_make_is_given_back():
         stats = rtsys.get_allocation_stats()
         kept.append(stats.alloc - stats.free)
     assert kept[0] == kept[1] == kept[2]
+
+
+def test_parts_are_given_named_tuples_whole(arguments):
+    """Taken apart and put together at each call, they were nine tenths of what LLVM had to read."""
+    summary(arguments[-1])
+    (form,) = _highest.part.overloads.values()
+    given = form.library.get_function(form.fndesc.llvm_func_name).type
+    assert str(given).count("double*") <= 1 or len(list(given.elements)) <= 4

@@ -76,14 +76,18 @@ def forces_within_torque_limits(
     if count == 0:
         return
     rows, lowest, highest = rows[:count], lowest[:count], highest[:count]
-    cones = problem.limits.copy()
-    cones[:, 1:] /= weight
-    target = np.zeros(columns)
+    cones, target = np.empty(problem.limits.shape), np.zeros(columns)
+    for point in range(len(cones)):
+        for k in range(3):
+            cones[point, k] = problem.limits[point, k] / (1.0 if k == 0 else weight)
     add_transposed_times(problem.maps, problem.wrench, target)
     inverse = _inverse(problem.maps, rows, accuracy.regularisation)
-    force /= weight
-    _split(inverse, rows, target / weight, lowest, highest, cones, force, accuracy.torque_steps)
-    force *= weight
+    for i in range(columns):
+        target[i] /= weight
+        force[i] /= weight
+    _split(inverse, rows, target, lowest, highest, cones, force, accuracy.torque_steps)
+    for i in range(columns):
+        force[i] *= weight
 
 
 @compiled
@@ -121,7 +125,9 @@ def _split(
     free, force_debt, pull = np.empty(columns), np.zeros(columns), np.empty(columns)
     torque, torque_debt, push = np.empty(joints), np.zeros(joints), np.empty(joints)
     times(rows, inside, torque)
-    kept = np.minimum(np.maximum(torque, lowest), highest)
+    kept = np.empty(joints)
+    for j in range(joints):
+        kept[j] = np.minimum(np.maximum(torque[j], lowest[j]), highest[j])
     for _ in range(steps):
         for j in range(joints):
             push[j] = _TORQUE_PENALTY * (kept[j] - torque_debt[j])
