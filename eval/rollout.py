@@ -96,8 +96,9 @@ class Player:
         """Return the player of a cell of a study; other arguments replace those of its arm."""
         run = cell.config
         if not cell.policy:
-            robots = {"robots": list(run.robots)} if run.robots and robot is None else {}
-            return cls.of(load(run.folder, robot), **robots, **env_args)
+            if run.robots and robot is None:  # those that it learnt with
+                env_args["robots"] = list(run.robots)
+            return cls.of(load(run.folder, robot), **env_args)
         robot = robot or chosen(run.robot, run.feet)
         return cls.unlearnt(cell.policy, run.env, {**run.make_args(), **env_args}, robot)
 

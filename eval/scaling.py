@@ -132,7 +132,7 @@ def _tables(study: Study, cell: Cell) -> tuple[Path, Path]:
     rest = {n: v for n, v in config.make_args().items() if n not in ("robot", "robots")}
     laws = f"{environment_name(config.env)}-{config.action_layer}-laws"
     names = (
-        (config.folder.name, policy_digest(config.folder)),
+        (config.folder.name, policy_digest(cell)),
         (laws, json.dumps(rest, sort_keys=True)),
     )
     place = _folder(study)
