@@ -241,8 +241,8 @@ def drawn(found: list[Played]) -> str:
             zero = next((v for name, v in beside.items() if name.startswith(ZERO)), None)
             x = [float(np.log2(one.bodies)) for one in own]
             y = [mean(one) for one in own]
-            ends = [[float(f(each)) for each in y] for f in (np.mean, np.min, np.max)]
-            series.append(Series(layer, colour, x, *ends, level=zero, dots=True))
+            middle, low, high = ([float(f(each)) for each in y] for f in (np.mean, np.min, np.max))
+            series.append(Series(layer, colour, x, middle, low, high, level=zero, dots=True))
             series += [
                 Series(f"one gain, {layer}", colour, [0.0, float(np.log2(most))], [v, v])
                 for name, v in beside.items()

@@ -6,7 +6,7 @@ one robot in a hundred.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -87,8 +87,10 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
     for k, cell in enumerate(waiting):
         folder = cell.config.folder
         tell(k, len(waiting), folder.name)
-        own = {"robots": list(cell.config.robots)} if cell.config.robots else {}
-        player = Player.of(load(folder), **own)  # on the robots that it learnt with
+        player = Player.of(load(folder))
+        if cell.config.robots:  # it is played on all that it learnt with
+            learnt_with = {"robots": list(cell.config.robots)}
+            player = replace(player, env_args={**player.env_args, **learnt_with})
         envs = make_envs(player.env_id, player.make_args, episodes)
         try:
             actor = player.actor(envs.single_observation_space, envs.single_action_space)

@@ -24,7 +24,8 @@ from fbid_gym.envs.registered import registered
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Choice, Number
 from fbid_gym.policy import Policy
-from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
+from fbid_gym.runtime.config import AROUND, EnvConfig
+from fbid_gym.runtime.observer import BODY
 
 PREFIX = "proportional:"
 """What a name begins with; then come the gain, and with a policy's name environment and layer."""
