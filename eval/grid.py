@@ -96,7 +96,8 @@ def tiled(
             picture = Image.fromarray(film[min(k, len(film) - 1)])
             x, y = place % columns * width, place // columns * height
             sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
-            draw.text((x + 6, y + 6), title, font=font, fill="black", anchor="lt")
+            at, edge = (x + 6, y + 6), "white"  # also before a dark sky
+            draw.text(at, title, "black", font, "lt", stroke_width=1, stroke_fill=edge)
         result.append(np.asarray(sheet))
     return result
 
