@@ -55,7 +55,8 @@ def run(config: GridConfig, console: Console) -> None:
     """Do what the command line asks."""
     check_fields(config)
     check_output(config.out, "out", tuple(_ENCODE))
-    robots, env_args = several(config.robots), parse_env_args(config.env_args)
+    robots = several(config.robots)
+    env_args = {"render_options": {}} | parse_env_args(config.env_args)  # nothing drawn over them
     clips = []
     with progress(console, "robots") as tell:
         for number, robot in enumerate(robots):
@@ -95,7 +96,8 @@ def tiled(
             picture = Image.fromarray(film[min(k, len(film) - 1)])
             x, y = place % columns * width, place // columns * height
             sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
-            draw.text((x + 6, y + height - 6), title, font=font, fill="black", anchor="lb")
+            at, edge = (x + 6, y + 6), "white"  # also before a dark sky
+            draw.text(at, title, "black", font, "lt", stroke_width=1, stroke_fill=edge)
         result.append(np.asarray(sheet))
     return result
 

@@ -96,20 +96,24 @@ def _players(
     told = set[str]()
     for source in config.sources:
         player = partial(load_player, source, env_args, robot)
+
+        def zero(player: Callable[[], Player] = player) -> Player:
+            return replace(player(), policy=None)
+
+        def law(player: Callable[[], Player] = player) -> Player:
+            return lawful(player(), config.gain or 0.0)
+
         its = load_policy(place_of(source))
         layer = {**its.env_args, **env_args}.get("action_layer", "")
         if config.who != "laws":
-            law = f"{its.source}, {layer}" if its.algorithm == LAW else ""
-            yield law or source.name.removesuffix(SUFFIX), player
+            named = f"{its.source}, {layer}" if its.algorithm == LAW else ""
+            yield named or source.name.removesuffix(SUFFIX), player
         if config.who == "policies" or layer in told:
             continue
         told.add(layer)
-        yield f"{ZERO}{layer}", lambda player=player: replace(player(), policy=None)
+        yield f"{ZERO}{layer}", zero
         if config.gain is not None:
-            yield (
-                f"{PREFIX}{config.gain:g}, {layer}",
-                lambda player=player: lawful(player(), config.gain),
-            )
+            yield f"{PREFIX}{config.gain:g}, {layer}", law
 
 
 def _played(

@@ -7,7 +7,7 @@ import viser
 from viser import uplot
 
 from eval.play.lane import Lane
-from fbid_gym.runtime.config import BODY
+from fbid_gym.runtime.observer import BODY
 from fbid_gym.tasks.body_view import own_units
 
 _SECONDS, _HZ = 8.0, 25.0

@@ -6,7 +6,7 @@ from fbid_gym.envs.registered import registered
 from fbid_gym.errors import PolicyFileError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot, load
-from fbid_gym.runtime.config import BODY
+from fbid_gym.runtime.observer import BODY
 
 
 def check_fits(policy: Policy, robot: Robot, observation_size: int, action_size: int) -> None:

@@ -12,7 +12,8 @@ from fbid_gym.envs.registered import registered
 from fbid_gym.errors import FbidError, PolicyFileError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot
-from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
+from fbid_gym.runtime.config import AROUND, EnvConfig
+from fbid_gym.runtime.observer import BODY
 
 _LAYERS = ("joint_position", "base_acceleration", "com_wrench")
 _RATES = (500, 1000)  # Hz that are tried where a robot falls at an environment's own

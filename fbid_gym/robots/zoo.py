@@ -49,6 +49,11 @@ SOLES = ("mesh", "spheres")
 """Feet that nobody is drawn with, but may be given: a rounded sole, and nine small spheres."""
 
 ACTUATORS = ("motor", "servo", "none")
+# A file with a floor brings its own light and sky; pictures of it are dark otherwise.
+_SKY = """<asset><texture type="skybox" builtin="gradient" rgb1="0.62 0.74 0.88"
+        rgb2="0.95 0.96 0.98" width="64" height="384"/></asset>"""
+_FLOOR = """<geom name="floor" type="plane" size="0 0 1" contype="1" rgba="0.8 0.82 0.84 1"/>
+        <light type="directional" dir="-0.3 0.4 -1" diffuse="0.5 0.5 0.5" ambient="0.3 0.3 0.3"/>"""
 _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 
 
@@ -167,7 +172,7 @@ def _parts(name: str) -> tuple[str, int, int]:
 def mjcf(robot: Morphology) -> str:
     """Write a robot's MJCF."""
     limit, legs = torque_limit(robot), range(robot.legs)
-    floor = '<geom name="floor" type="plane" size="0 0 1" contype="1"/>' if robot.ground else ""
+    floor = _FLOOR if robot.ground else ""
     height = -sum(part[2] for part in _leg_of(robot, 0)) + _sole(robot)
     armature = 0.004 * robot.mass * robot.leg**2 / robot.legs
     # 1 % of the torque limit at the rate that the leg swings like a pendulum.
@@ -186,7 +191,7 @@ def mjcf(robot: Morphology) -> str:
         <joint armature="{armature:.9g}" damping="{damping:.9g}"/>
         <geom contype="0" conaffinity="1"/>
       </default>
-      {_sole_mesh(robot)}
+      {_sole_mesh(robot)}{_SKY if robot.ground else ""}
       <worldbody>
         {floor}
         <body name="trunk" pos="0 0 {height:.17g}">

@@ -26,7 +26,8 @@ from fbid_gym.envs.registered import registered
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Choice, Number
 from fbid_gym.policy import Policy
-from fbid_gym.runtime.config import AROUND, BODY, EnvConfig
+from fbid_gym.runtime.config import AROUND, EnvConfig
+from fbid_gym.runtime.observer import BODY
 
 ZERO = "zero"
 """Names the zero action."""
