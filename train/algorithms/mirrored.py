@@ -98,7 +98,7 @@ def mirror_in(env: VecNormalize) -> dict[str, Any]:
     if not same:
         expected = "false for robots whose entries are not the same in the mirror"
         raise InvalidValueError("ppo.mirror", True, expected)
-    env.obs_rms = _BothSides(found[0].observation)
+    env.obs_rms = _BothSides(found[0].observation)  # type: ignore[assignment]
     return {
         "rollout_buffer_class": MirroredBuffer,
         "rollout_buffer_kwargs": {"mirror": found[0]},
