@@ -91,18 +91,18 @@ LINES = {
     "actions": 3185,
     "control": 4740,
     "dynamics": 1685,
-    "envs": 3555,
+    "envs": 3606,
     "estimation": 2185,
     "motions": 3820,
     "policy": 645,
-    "robots": 5730,
-    "runtime": 1915,
+    "robots": 5893,
+    "runtime": 1922,
     "tasks": 2325,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_482
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_010
+TEST_LINES = 30_140
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6880)}

@@ -84,14 +84,15 @@ class _Names(NamedTuple):
     def reflection(self, what: str, names: Sequence[str]) -> Reflection:
         """Return the reflection of the entries of these names."""
         place = {name: k for k, name in enumerate(names)}
-        found = [self.of_name(name) for name in names]
-        for name, known in zip(names, found, strict=True):
-            if known is None or known[0] not in place:
+        entry, sign = [], []
+        for name in names:
+            other, its_sign = self.of_name(name) or ("", 1.0)
+            if other not in place:
                 expected = "entries whose mirror image is known; or no mirror"
                 raise InvalidValueError(f"entry of the {what} to mirror", name, expected)
-        known = [each for each in found if each is not None]
-        entry, sign = np.array([place[n] for n, _ in known], int), np.array([s for _, s in known])
-        return Reflection(entry, sign)
+            entry.append(place[other])
+            sign.append(its_sign)
+        return Reflection(np.array(entry), np.array(sign))
 
     def of_name(self, whole: str) -> tuple[str, float] | None:
         """Return name and sign of an entry's counterpart; None where they are not known."""

@@ -87,13 +87,13 @@ def mirror_of(robot: Robot) -> Mirror:
     _check_joints(robot, joints)
     _check_links(robot, joint)
 
-    points = (robot.points_at_home - base * [1.0, 1.0, 0.0]) / size
-    apart = np.linalg.norm((points * _ACROSS)[:, None] - points, axis=2)
-    point = _partners(robot, apart, [f"contact point {k}" for k in range(len(points))])
+    touches = (robot.points_at_home - base * [1.0, 1.0, 0.0]) / size
+    apart = np.linalg.norm((touches * _ACROSS)[:, None] - touches, axis=2)
+    point = _partners(robot, apart, [f"contact point {k}" for k in range(len(touches))])
     foot_of = np.repeat(np.arange(robot.num_feet), [foot.num_points for foot in robot.feet])
     foot = np.array([foot_of[point[foot_of == k][0]] for k in range(robot.num_feet)])
-    even = [Reflection(entry, np.ones(len(entry))) for entry in (foot, point)]
-    return Mirror(joints, *even, home=robot.home_qpos[7:])
+    feet, points = (Reflection(entry, np.ones(len(entry))) for entry in (foot, point))
+    return Mirror(joints, feet, points, robot.home_qpos[7:])
 
 
 def _partners(robot: Robot, apart: np.ndarray, names: list[str]) -> np.ndarray:

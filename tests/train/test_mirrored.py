@@ -34,12 +34,14 @@ def config(out: Path, total_steps: int = 64) -> TrainConfig:
     return replace(small, ppo=replace(small.ppo, n_steps=8, batch_size=16, mirror=True))
 
 
-def test_minibatches_hold_every_sample_and_its_mirror_image(tmp_path):
+def test_minibatches_hold_every_sample_and_its_mirror_image(tmp_path, monkeypatch):
     given = config(tmp_path)
     envs = fbid_gym.make_sb3(ENV, 4, seed=0, **given.make_args())
     mirror = mirrored(envs.chunks.batches[0])
     learner = build(given, envs)
     statistics = learner.get_vec_normalize_env().obs_rms
+    torch.nn.init.normal_(learner.policy.action_net.weight)
+    monkeypatch.setattr(learner, "train", lambda: None)
     learner.learn(32)
     expected = mirror.observation.of(statistics.mean)
     np.testing.assert_allclose(statistics.mean, expected, atol=1e-12)
@@ -47,7 +49,10 @@ def test_minibatches_hold_every_sample_and_its_mirror_image(tmp_path):
     for samples in learner.rollout_buffer.get(16):
         half = len(samples.actions) // 2
         assert half == 16
-        for name in ("old_values", "old_log_prob", "advantages", "returns"):
+        with torch.no_grad():
+            known = learner.policy.evaluate_actions(samples.observations, samples.actions)[1]
+        torch.testing.assert_close(samples.old_log_prob, known)
+        for name in ("old_values", "advantages", "returns"):
             assert torch.equal(*getattr(samples, name).split(half))
         for name, reflection in (("observations", mirror[0]), ("actions", mirror[1])):
             one, other = getattr(samples, name).numpy().reshape(2, half, -1)

@@ -17,7 +17,7 @@ from train.algorithms.algorithm import (
     torch_threads,
 )
 from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
-from train.algorithms.mirrored import mirror_in
+from train.algorithms.mirrored import MirroredBuffer, mirror_in
 from train.runs.config import PPOConfig, TrainConfig
 
 _METRICS = {
@@ -52,6 +52,8 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
             **for_actor,
         },
     )
+    if isinstance(learner.rollout_buffer, MirroredBuffer):
+        learner.rollout_buffer.policy = learner.policy
     begin_at_zero(cast(torch.nn.Linear, learner.policy.action_net))
     torch.nn.init.constant_(learner.policy.value_net.bias, expected_return(own))
     return learner
