@@ -88,13 +88,13 @@ LONGER = {
 }
 LINES = {
     ".": 2385,
-    "actions": 3185,
+    "actions": 3240,
     "control": 4740,
     "dynamics": 1685,
-    "envs": 3460,
+    "envs": 3450,
     "estimation": 2185,
     "motions": 3820,
-    "policy": 590,
+    "policy": 595,
     "robots": 5730,
     "runtime": 1915,
     "tasks": 2325,
