@@ -88,7 +88,7 @@ LONGER = {
 }
 LINES = {
     ".": 2385,
-    "actions": 3185,
+    "actions": 3240,
     "control": 4740,
     "dynamics": 1685,
     "envs": 3606,

@@ -43,6 +43,7 @@ from fbid_gym.small_matrices import add_transposed_times
 
 _TINY = 1e-12  # keeps the direction of a body that points up or down defined
 _ROUNDING = 1e-7  # of a growth of one
+_NEUTRAL = 1e-5  # likewise, where nothing holds the body
 _RANK = 1e-9
 
 
@@ -75,8 +76,8 @@ class TaskSpacePosition:
     m / F being the mass of the robot for each of its feet; of a foot's rotation times the square of
     the height of the centre of mass. It is limited as those of joints are, see `JointGains`: all of
     it by one share, and then the vertical's, which carries the weight, by as little as it can be.
-    What damps the body through standing feet (`LegJoints.calm`) is limited likewise, with the robot
-    on all its feet.
+    What damps the body through feet that bear it (`LegJoints.calm`) is limited likewise, in the air
+    and on all feet.
 
     Attributes:
         robot: whose joints.
@@ -307,27 +308,28 @@ def _calm(
     wanted: float,
     loop_delay: float,
 ) -> float:
-    """Return as much of a wanted `LegJoints.calm`, s, as lets every mode of standing decay.
+    """Return as much of a wanted `LegJoints.calm`, s, as lets no mode of motion grow.
 
-    Standing is at home with all feet held where they are: what is left moves is the base, with the
-    joints, v = B u, and with it the feet as seen from the base, -J_base u.
+    Neither of the robot at home in the air, v = B u with B = 1, where feet are that bear less than
+    is planned, nor with all feet held where they are. The body's target stays where it is: of gaps
+    of the feet those are left that the joints make.
     """
     if wanted == 0.0:
         return 0.0
     stance, rows = Stance.of(robot), len(stiffness)
-    terms = stance.terms
-    feet = terms.foot_jacobian[0, :, :rows]
-    moves = scipy.linalg.null_space(feet.reshape(-1, robot.nv), rcond=_RANK)
+    mass_matrix, feet = stance.terms.mass_matrix[0], stance.terms.foot_jacobian[0, :, :rows]
     legs = feet[:, :, 6:] * stance.legs[:, None]
-    springs = np.einsum("frj,r,frk->jk", legs, stiffness, legs)
-    yields = np.linalg.solve(moves.T @ terms.mass_matrix[0] @ moves, moves[6:].T)
-    stiff = yields @ (springs + np.diag(held.stiffness)) @ moves[6:]
-    damped = yields @ (held.damping[:, None] * moves[6:])
+    springs = np.einsum("frj,r,frk->jk", legs, stiffness, legs) + np.diag(held.stiffness)
     # The force of each foot that answers how fast the base rises, falls and turns.
-    base = np.einsum("frj,r,frk->jk", legs, stiffness, feet[:, :, 2:6]) @ moves[2:6]
+    base = wanted * np.einsum("frj,r,frk->jk", legs, stiffness, feet[:, :, 2:6])
+    flying = np.eye(robot.nv)
+    standing = scipy.linalg.null_space(feet.reshape(-1, robot.nv), rcond=_RANK)
 
-    def steady(share: float) -> bool:
-        calmed = damped - share * wanted * (yields @ base)
-        return growth(stiff, calmed, control_hz, loop_delay) < 1.0 + _ROUNDING
+    def steady(share: float, moves: np.ndarray) -> bool:
+        yields = np.linalg.solve(moves.T @ mass_matrix @ moves, moves[6:].T)
+        damped = yields @ (held.damping[:, None] * moves[6:] - share * base @ moves[2:6])
+        grown = growth(yields @ springs @ moves[6:], damped, control_hz, loop_delay)
+        return grown < 1.0 + _NEUTRAL
 
-    return min(1.0, greatest_share(steady)) * wanted
+    most = greatest_share(lambda share: steady(share, flying) and steady(share, standing))
+    return min(1.0, most) * wanted
