@@ -95,7 +95,7 @@ LINES = {
     "estimation": 2110,
     "motions": 3820,
     "policy": 645,
-    "robots": 5730,
+    "robots": 5755,
     "runtime": 1922,
     "tasks": 2325,
 }
