@@ -95,7 +95,7 @@ LINES = {
     "estimation": 2110,
     "motions": 3820,
     "policy": 645,
-    "robots": 5755,
+    "robots": 5735,
     "runtime": 1922,
     "tasks": 2325,
 }
