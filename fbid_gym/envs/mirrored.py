@@ -1,7 +1,7 @@
 """Observations and actions in the mirror: what the robot's reflection would see, and would do.
 
 Found from the names of the entries: a name says which part of the robot it is of, and along which
-axis. A policy that is as good in the mirror may learn from both, see `train.algorithms.mirrored`.
+axis. What is good to do is good in the mirror, so a learner may use both.
 """
 
 import re

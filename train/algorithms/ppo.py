@@ -17,7 +17,6 @@ from train.algorithms.algorithm import (
     torch_threads,
 )
 from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
-from train.algorithms.mirrored import MirroredBuffer, mirror_in
 from train.runs.config import PPOConfig, TrainConfig
 
 _METRICS = {
@@ -42,7 +41,6 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
         batch_size=config.batch_size,
         learning_rate=learning_rate(own),
         device="cpu",
-        **(mirror_in(env) if own.mirror else {}),
         policy_kwargs={
             "net_arch": list(own.hidden),
             "activation_fn": ACTIVATIONS[own.activation],
@@ -52,8 +50,6 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
             **for_actor,
         },
     )
-    if isinstance(learner.rollout_buffer, MirroredBuffer):
-        learner.rollout_buffer.policy = learner.policy
     begin_at_zero(cast(torch.nn.Linear, learner.policy.action_net))
     torch.nn.init.constant_(learner.policy.value_net.bias, expected_return(own))
     return learner

@@ -108,8 +108,6 @@ class PPOConfig(LearnerConfig):
     target_kl: Annotated[float, Number(1e-12, 1e6)] | None = 0.02
     """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
     it the length of a step does not depend on how a layer scales its actions."""
-    mirror: bool = False
-    """Learn from every sample's mirror image as well, of a robot whose left is as its right."""
 
     def __post_init__(self) -> None:
         """Check every value by itself; `TrainConfig` checks them together."""
@@ -353,15 +351,11 @@ class TrainConfig:
 
 
 _BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False}
-_BEFORE_IN_PPO: dict[str, Any] = {"mirror": False}
 
 
 def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Return a `config.json` with entries that older ones lack, as their runs had them."""
-    found = {**_BEFORE, **stored}
-    if isinstance(found.get("ppo"), Mapping):
-        found["ppo"] = {**_BEFORE_IN_PPO, **found["ppo"]}
-    return found
+    return {**_BEFORE, **stored}
 
 
 def algorithm_of(stored: Mapping[str, Any]) -> str:
