@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from eval.papers.inertial_parameters.estimation import Samples
 from eval.papers.log import Log
@@ -248,9 +247,10 @@ def smoothed(
     Returns:
         (samples, m), those instants that have a whole window.
     """
-    window, tick = 2 * half + 1, 1.0 / RATES.control
-    smooth = savgol_filter(values, window, order, derivative, tick, axis=0)
-    return np.asarray(smooth[half : len(values) - half : every])
+    time = np.arange(-half, half + 1) / RATES.control
+    weights = np.linalg.pinv(np.vander(time, order + 1, increasing=True))[derivative]
+    windows = np.lib.stride_tricks.sliding_window_view(values, len(time), axis=0)
+    return np.asarray(windows[::every] @ weights)
 
 
 def measured(
