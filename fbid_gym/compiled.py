@@ -79,8 +79,8 @@ class _Part:
     def part(self) -> Any:
         """What compiled code calls.
 
-        Passing the fields of tuples on costs more than it seems, so a function that takes some, or
-        may, is inlined. What takes arrays is left to the compiler's own choice.
+        Passing tuples on costs more than it seems, so a function that takes some, or may, is
+        inlined. What takes arrays is left to the compiler's own choice.
         """
         kinds = [kind for name, kind in self.kinds.items() if name != "return"]
         options = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
