@@ -13,10 +13,17 @@ A part counts references to arrays only if it makes some itself, else its caller
 passed: Numba counts those of every array of every named tuple, up when a function begins and down
 when it ends, each an atomic step. That were hundreds for a robot and tick.
 
+<<<<<<< HEAD
 This uses Numba's compiler pipeline and its data models, which may be extended, and its code
 library, which is internal; `tests/test_compiled.py` holds that they still do what is said here.
+=======
+This uses Numba's compiler pipeline and data models, which may be extended, and its code library and
+lowering, which are internal; `tests/test_compiled.py` holds that they still do what is said here.
+>>>>>>> first
 """
 
+import re
+from collections import Counter
 from typing import Any
 
 from numba import types
@@ -32,20 +39,8 @@ class _PartLibrary(JITCodeLibrary):
 
     def _optimize_functions(self, module: Any) -> None:
         """Tidy up what is defined here; Numba sets up its passes for each declaration too."""
-        import os
-
-        if os.environ.get("FPM") == "sroa":
-            from llvmlite.binding import newpassmanagers as npm
-
-            module.data_layout = self._codegen._data_layout
-            builder = self._codegen._pass_builder()
-            passes = npm.create_new_function_pass_manager()
-            passes.add_sroa_pass()
-            passes.add_instruction_combine_pass()
-            passes.add_simplify_cfg_pass()
-        else:
-            module.data_layout = self._codegen._data_layout
-            passes, builder = self._codegen._function_pass_manager()
+        module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
         for function in module.functions:
             if not function.is_declaration:
                 passes.run(function, builder)
@@ -95,35 +90,37 @@ def _makes_arrays(state: Any) -> bool:
     return counted(state.return_type) or any(map(makes, steps))
 
 
-class _Whole:
-    """Mixed into how Numba sees a named tuple: it is passed as the value that it is."""
+class _Lower(NativeLowering().lowering_class):  # type: ignore[misc]
+    """Writes a function for LLVM; arguments stay values, where Numba copies them to the stack."""
 
-    def get_argument_type(self: Any) -> Any:
-        return self.get_value_type()
-
-    def as_argument(self, builder: Any, value: Any) -> Any:
-        return value
-
-    def from_argument(self, builder: Any, value: Any) -> Any:
-        return value
-
-
-class _WholeTuple(_Whole, datamodel.models.TupleModel):  # type: ignore[misc]
-    """A named tuple of fields of different kinds."""
+    def _find_singly_assigned_variable(self) -> None:
+        super()._find_singly_assigned_variable()
+        steps = [s for block in self.blocks.values() for s in block.body]
+        steps = [step for step in steps if type(step).__name__ == "Assign"]
+        written = Counter(step.target.name for step in steps)
+        given = (step.target.name for step in steps if type(step.value).__name__ == "Arg")
+        self._singly_assigned_vars |= {name for name in given if written[name] == 1}
 
 
-class _WholeUniTuple(_Whole, datamodel.models.UniTupleModel):  # type: ignore[misc]
-    """A named tuple of fields of one kind."""
+def _as_it_is(model: Any, builder: Any, value: Any) -> Any:
+    return value
 
 
+# How kernels and parts see named tuples, of fields of several kinds and of one.
 _MODELS = datamodel.DataModelManager().chain(datamodel.default_manager)
-_MODELS.register(types.NamedTuple, _WholeTuple)
-_MODELS.register(types.NamedUniTuple, _WholeUniTuple)
+for _kind, _usual in (
+    (types.NamedTuple, datamodel.models.TupleModel),
+    (types.NamedUniTuple, datamodel.models.UniTupleModel),
+):
+    _whole = {"get_argument_type": _usual.get_value_type}
+    _whole |= {"as_argument": _as_it_is, "from_argument": _as_it_is}
+    _MODELS.register(_kind, type("Whole", (_usual,), _whole))
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _EntryLowering(NativeLowering):
     _name = "lowering_of_an_entry"
+    lowering_class = _Lower
 
     def run_pass(self, state: Any) -> bool:
         state.targetctx = state.targetctx.subtarget(data_model_manager=_MODELS)
@@ -141,20 +138,8 @@ class _PartLowering(_EntryLowering):
         return bool(super().run_pass(state))
 
 
-# Stages for what is in no kernel: context managers, functions inside functions, functions that are
-# inlined as Numba's own code. Each of the others costs milliseconds for every function.
-_NEEDLESS = {
-    "Handle with contexts",
-    "inline calls to locally defined closures",
-    "rewrite dynamic raises",
-    "convert make_function into JIT functions",
-    "inline inlinable functions",
-    "find literally calls",
-    "handles literal_unroll",
-    "inline overloaded functions",
-    "ensure features that are in use are in a valid form",
-    "dump parfor diagnostics",
-}
+# Stages for what is in no kernel; each costs milliseconds for every function.
+_NEEDLESS = re.compile("contexts|inline|raises|make_function|literal|valid form|parfor")
 
 
 class EntryCompiler(Compiler):
@@ -168,7 +153,7 @@ class EntryCompiler(Compiler):
         usual.passes = [
             (self.lowering if stage is NativeLowering else stage, about)
             for stage, about in usual.passes
-            if about not in _NEEDLESS
+            if not _NEEDLESS.search(about)
         ]
         usual.finalize()
         return [usual]

@@ -15,6 +15,8 @@ Rules for both:
   results, the others do not notice.
 - A function that makes arrays, or calls `f(*a, *b)`, leaves loops to one that does neither, else
   uses of its arguments' fields are counted.
+- Named tuples are passed otherwise than by `numba.njit`: a function of one kind calls none of the
+  other with such an argument.
 - A first use waits for the compiler. So there are no operations on whole arrays, slices or rows
   (`small_matrices.copy`), and a loop or a helper rather than the same lines for each axis.
 
@@ -79,8 +81,8 @@ class _Part:
     def part(self) -> Any:
         """What compiled code calls.
 
-        Passing the fields of tuples on costs more than it seems, so a function that takes some, or
-        may, is inlined. What takes arrays is left to the compiler's own choice.
+        Passing tuples on costs more than it seems, so a function that takes some, or may, is
+        inlined. What takes arrays is left to the compiler's own choice.
         """
         kinds = [kind for name, kind in self.kinds.items() if name != "return"]
         options = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}

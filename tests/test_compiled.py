@@ -118,6 +118,6 @@ def test_parts_answer_as_in_python_and_what_they_make_is_given_back():
 def test_parts_are_given_named_tuples_whole(arguments):
     """Taken apart and put together at each call, they were nine tenths of what LLVM had to read."""
     summary(arguments[-1])
-    (form,) = _highest.part.overloads.values()
-    given = form.library.get_function(form.fndesc.llvm_func_name).type
-    assert str(given).count("double*") <= 1 or len(list(given.elements)) <= 4
+    for form in _highest.part.overloads.values():
+        function = form.library.get_function(form.fndesc.llvm_func_name)
+        assert len(list(function.arguments)) == 4  # two of the results', the tuple, a number

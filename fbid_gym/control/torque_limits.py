@@ -77,14 +77,12 @@ def forces_within_torque_limits(
         return
     rows, lowest, highest = rows[:count], lowest[:count], highest[:count]
     cones, target = np.empty(problem.limits.shape), np.zeros(columns)
-    for point in range(len(cones)):
-        for k in range(3):
-            cones[point, k] = problem.limits[point, k] / (1.0 if k == 0 else weight)
     add_transposed_times(problem.maps, problem.wrench, target)
-    inverse = _inverse(problem.maps, rows, accuracy.regularisation)
     for i in range(columns):
-        target[i] /= weight
-        force[i] /= weight
+        # All but the friction coefficient, per weight.
+        cones[i // 3, i % 3] = problem.limits[i // 3, i % 3] / (weight if i % 3 else 1.0)
+        target[i], force[i] = target[i] / weight, force[i] / weight
+    inverse = _inverse(problem.maps, rows, accuracy.regularisation)
     _split(inverse, rows, target, lowest, highest, cones, force, accuracy.torque_steps)
     for i in range(columns):
         force[i] *= weight
