@@ -13,13 +13,8 @@ A part counts references to arrays only if it makes some itself, else its caller
 passed: Numba counts those of every array of every named tuple, up when a function begins and down
 when it ends, each an atomic step. That were hundreds for a robot and tick.
 
-<<<<<<< HEAD
-This uses Numba's compiler pipeline and its data models, which may be extended, and its code
-library, which is internal; `tests/test_compiled.py` holds that they still do what is said here.
-=======
 This uses Numba's compiler pipeline and data models, which may be extended, and its code library and
 lowering, which are internal; `tests/test_compiled.py` holds that they still do what is said here.
->>>>>>> first
 """
 
 import re
