@@ -19,14 +19,15 @@ lowering, which are internal; `tests/test_compiled.py` holds that they still do 
 
 import re
 from collections import Counter
+from functools import cache
 from typing import Any
 
 from numba import types
-from numba.core import datamodel
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
+from numba.extending import models
 
 
 class _PartLibrary(JITCodeLibrary):
@@ -101,15 +102,16 @@ def _as_it_is(model: Any, builder: Any, value: Any) -> Any:
     return value
 
 
-# How kernels and parts see named tuples, of fields of several kinds and of one.
-_MODELS = datamodel.DataModelManager().chain(datamodel.default_manager)
-for _kind, _usual in (
-    (types.NamedTuple, datamodel.models.TupleModel),
-    (types.NamedUniTuple, datamodel.models.UniTupleModel),
-):
-    _whole = {"get_argument_type": _usual.get_value_type}
-    _whole |= {"as_argument": _as_it_is, "from_argument": _as_it_is}
-    _MODELS.register(_kind, type("Whole", (_usual,), _whole))
+@cache
+def _whole(usual: Any) -> Any:
+    """How kernels and parts see values: as usual, but for named tuples."""
+    found = type(usual)().chain(usual)
+    kinds = (types.NamedTuple, models.TupleModel), (types.NamedUniTuple, models.UniTupleModel)
+    for kind, model in kinds:  # of fields of several kinds, and of one
+        own = {"get_argument_type": model.get_value_type}
+        own |= {"as_argument": _as_it_is, "from_argument": _as_it_is}
+        found.register(kind, type("Whole", (model,), own))
+    return found
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -118,7 +120,8 @@ class _EntryLowering(NativeLowering):
     lowering_class = _Lower
 
     def run_pass(self, state: Any) -> bool:
-        state.targetctx = state.targetctx.subtarget(data_model_manager=_MODELS)
+        usual = state.targetctx.data_model_manager
+        state.targetctx = state.targetctx.subtarget(data_model_manager=_whole(usual))
         return bool(super().run_pass(state))
 
 
