@@ -5,41 +5,24 @@ the function that calls it is compiled, where all of that happens again: five or
 lies deep inside a law. A part is only tidied up; what calls it takes it over as it is, and the
 kernel is optimised as a whole, once.
 
-Numba passes a tuple on field by field, and an array as ten numbers: nine tenths of the text that it
-wrote for LLVM took tuples apart at calls and put them together again. Here named tuples are passed
-whole, from kernels to parts and from part to part. So parts are called by nothing else.
-
 A part counts references to arrays only if it makes some itself, else its caller keeps what it is
 passed: Numba counts those of every array of every named tuple, up when a function begins and down
 when it ends, each an atomic step. That were hundreds for a robot and tick.
 
-This uses Numba's compiler pipeline and data models, which may be extended, and its code library and
-lowering, which are internal; `tests/test_compiled.py` holds that they still do what is said here.
+This uses Numba's compiler pipeline, which may be extended, and its code library, which is internal;
+`tests/test_compiled.py` holds that both still do what is said here.
 """
 
-import re
-from collections import Counter
-from functools import cache
 from typing import Any
 
-from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
-from numba.extending import models
 
 
 class _PartLibrary(JITCodeLibrary):
     """Code to be linked into other code, and never run from here."""
-
-    def _optimize_functions(self, module: Any) -> None:
-        """Tidy up what is defined here; Numba sets up its passes for each declaration too."""
-        module.data_layout = self._codegen._data_layout
-        passes, builder = self._codegen._function_pass_manager()
-        for function in module.functions:
-            if not function.is_declaration:
-                passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
         """Leave it to whoever calls this."""
@@ -86,50 +69,8 @@ def _makes_arrays(state: Any) -> bool:
     return counted(state.return_type) or any(map(makes, steps))
 
 
-class _Lower(NativeLowering().lowering_class):  # type: ignore[misc]
-    """Writes a function for LLVM; arguments stay values, where Numba copies them to the stack."""
-
-    def _find_singly_assigned_variable(self) -> None:
-        super()._find_singly_assigned_variable()
-        steps = [s for block in self.blocks.values() for s in block.body]
-        steps = [step for step in steps if type(step).__name__ == "Assign"]
-        written = Counter(step.target.name for step in steps)
-        given = (step.target.name for step in steps if type(step.value).__name__ == "Arg")
-        self._singly_assigned_vars |= {name for name in given if written[name] == 1}
-
-
-def _as_it_is(model: Any, builder: Any, value: Any) -> Any:
-    return value
-
-
-@cache
-def _whole(usual: Any) -> Any:
-    """Return data models that are the usual ones, but pass named tuples whole."""
-    own = type(usual)().chain(usual)
-    # Of fields of several kinds, and of one.
-    for kind, model in (
-        (types.NamedTuple, models.TupleModel),
-        (types.NamedUniTuple, models.UniTupleModel),
-    ):
-        passing = {"get_argument_type": model.get_value_type}
-        passing |= {"as_argument": _as_it_is, "from_argument": _as_it_is}
-        own.register(kind, type("Whole", (model,), passing))
-    return own
-
-
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _EntryLowering(NativeLowering):
-    _name = "lowering_of_an_entry"
-    lowering_class = _Lower
-
-    def run_pass(self, state: Any) -> bool:
-        own = _whole(state.targetctx.data_model_manager)
-        state.targetctx = state.targetctx.subtarget(data_model_manager=own)
-        return bool(super().run_pass(state))
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _PartLowering(_EntryLowering):
+class _PartLowering(NativeLowering):
     _name = "lowering_of_a_part"
 
     def run_pass(self, state: Any) -> bool:
@@ -139,28 +80,15 @@ class _PartLowering(_EntryLowering):
         return bool(super().run_pass(state))
 
 
-# Stages for what is in no kernel; each costs milliseconds for every function.
-_NEEDLESS = re.compile("contexts|inline|raises|make_function|literal|valid form|parfor")
-
-
-class EntryCompiler(Compiler):
-    """Compiles what Python calls."""
-
-    lowering: type = _EntryLowering
+class PartCompiler(Compiler):
+    """Compiles a part."""
 
     def define_pipelines(self) -> list[Any]:
-        """Return Numba's usual stages, but for the one that ends in machine code."""
+        """Return Numba's usual stages, the one that ends in machine code replaced."""
         (usual,) = super().define_pipelines()
         usual.passes = [
-            (self.lowering if stage is NativeLowering else stage, about)
+            (_PartLowering if stage is NativeLowering else stage, about)
             for stage, about in usual.passes
-            if not _NEEDLESS.search(about)
         ]
         usual.finalize()
         return [usual]
-
-
-class PartCompiler(EntryCompiler):
-    """Compiles a part."""
-
-    lowering = _PartLowering

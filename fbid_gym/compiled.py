@@ -15,8 +15,6 @@ Rules for both:
   results, the others do not notice.
 - A function that makes arrays, or calls `f(*a, *b)`, leaves loops to one that does neither, else
   uses of its arguments' fields are counted.
-- Named tuples are passed otherwise than by `numba.njit`: a function of one kind calls none of the
-  other with such an argument.
 - A first use waits for the compiler. So there are no operations on whole arrays, slices or rows
   (`small_matrices.copy`), and a loop or a helper rather than the same lines for each axis.
 
@@ -36,7 +34,7 @@ from numba.extending import typeof_impl
 
 from fbid_gym.compile_cache import folders, kept
 from fbid_gym.compile_entry import door_to, entry_to, is_tuple
-from fbid_gym.compile_parts import EntryCompiler, PartCompiler
+from fbid_gym.compile_parts import PartCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -81,8 +79,8 @@ class _Part:
     def part(self) -> Any:
         """What compiled code calls.
 
-        Passing tuples on costs more than it seems, so a function that takes some, or may, is
-        inlined. What takes arrays is left to the compiler's own choice.
+        Passing the fields of tuples on costs more than it seems, so a function that takes some, or
+        may, is inlined. What takes arrays is left to the compiler's own choice.
         """
         kinds = [kind for name, kind in self.kinds.items() if name != "return"]
         options = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
@@ -93,8 +91,7 @@ class _Part:
     def entry(self) -> Any:
         """What Python calls."""
         of_leaves = isinstance(self, _Kernel)
-        function = entry_to(self, self.kinds) if of_leaves else self.__wrapped__
-        entry = njit(function, **_OPTIONS, pipeline_class=EntryCompiler)
+        entry = njit(entry_to(self, self.kinds) if of_leaves else self.__wrapped__, **_OPTIONS)
         # The places are named after our sources: those of others may have changed.
         return kept(entry, _PLACES) if self.__module__.partition(".")[0] == _OURS else entry
 

@@ -77,7 +77,7 @@ NOT_IN = {
 }
 
 MAX_LINES = 450
-MACHINERY_LINES, NUMBA_NAMES = 572, 5
+MACHINERY_LINES, NUMBA_NAMES = 500, 5
 """Most lines of what compiles, and most names that it imports from inside Numba."""
 
 # What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
@@ -87,7 +87,7 @@ LONGER = {
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {
-    ".": 2457,
+    ".": 2385,
     "actions": 3271,
     "control": 4743,
     "dynamics": 1685,

@@ -113,11 +113,3 @@ def test_parts_answer_as_in_python_and_what_they_make_is_given_back():
         stats = rtsys.get_allocation_stats()
         kept.append(stats.alloc - stats.free)
     assert kept[0] == kept[1] == kept[2]
-
-
-def test_parts_are_given_named_tuples_whole(arguments):
-    """Taken apart and put together at each call, they were nine tenths of what LLVM had to read."""
-    summary(arguments[-1])
-    for form in _highest.part.overloads.values():
-        function = form.library.get_function(form.fndesc.llvm_func_name)
-        assert len(list(function.arguments)) == 4  # two of the results', the tuple, a number
