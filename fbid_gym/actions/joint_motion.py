@@ -297,8 +297,9 @@ def solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: WayLeft, moves: Way
         moves: written, of the joints.
     """
     rows = len(jacobian)
-    if rows == 3 and len(moves.gap) == 3:  # without memory in between it takes a third as long
-        of_joints, damped = transposed(matrix(jacobian, ())), _damped_inverse(matrix(jacobian, ()))
+    if rows == 3 and len(moves.gap) == 3:  # without memory in between all of it is a fifth faster
+        gains = matrix(jacobian, ())
+        of_joints, damped = transposed(gains), _damped_inverse(gains)
         store(turn(of_joints, turn(damped, vector(left.gap, ()))), moves.gap, ())
         store(turn(of_joints, turn(damped, vector(left.rate, ()))), moves.rate, ())
         store(turn(of_joints, turn(damped, vector(left.acceleration, ()))), moves.acceleration, ())
