@@ -298,8 +298,7 @@ def solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: WayLeft, moves: Way
     """
     rows = len(jacobian)
     if rows == 3 and len(moves.gap) == 3:  # without memory in between all of it is a fifth faster
-        gains = matrix(jacobian, ())
-        of_joints, damped = transposed(gains), _damped_inverse(gains)
+        of_joints, damped = transposed(matrix(jacobian, ())), _damped_inverse(matrix(jacobian, ()))
         store(turn(of_joints, turn(damped, vector(left.gap, ()))), moves.gap, ())
         store(turn(of_joints, turn(damped, vector(left.rate, ()))), moves.rate, ())
         store(turn(of_joints, turn(damped, vector(left.acceleration, ()))), moves.acceleration, ())
