@@ -39,6 +39,8 @@ class ContactOptions:
     friction: Friction | None = None
     """Coefficient assumed of every contact. None: 0.6, or nine tenths of what the model's feet have
     on its ground, if that is less."""
+    notice_slip: bool = True
+    """Count on less friction while feet that stand slip, see `fbid_gym.control.grip`."""
     min_normal_force: Annotated[float, Number(0.0, 100.0)] = 0.0
     """Least normal force of a point in contact, share of the weight."""
     max_normal_force: Annotated[float, Number(0.0, np.inf)] = np.inf

@@ -21,6 +21,7 @@ from fbid_gym.control.contact_forces import (
     limit_rows,
     wrench_scale,
 )
+from fbid_gym.control.grip import GripModel
 from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry
@@ -56,6 +57,8 @@ def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Mem
         residual=residual,
         underactuation=underactuation,
         strength=np.ones(num_robots),
+        grip=np.ones(num_robots),
+        carried=np.zeros((num_robots, robot.num_feet)),
         priority=np.ones(num_robots),
         vertical=np.zeros((num_robots, 4)),
     )._asdict()
@@ -126,6 +129,12 @@ class Law:
             feet_first=feet_first,
             passive=contact.passive(robot),
             motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
+            grip=GripModel.of(
+                stance.falling_rate,
+                robot.gravity,
+                1.0 / control_hz,
+                notices=contact.notice_slip,
+            ),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None)
@@ -133,7 +142,7 @@ class Law:
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """What of its memory it reports; by [M10] eq. (15) it misses no wrench that can be had."""
-        return (*DIAGNOSTICS, "strength") if self.limited else DIAGNOSTICS[1:]
+        return (*DIAGNOSTICS, "strength", "grip") if self.limited else DIAGNOSTICS[1:]
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""

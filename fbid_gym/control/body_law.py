@@ -16,6 +16,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
+from fbid_gym.control.grip import GripModel, believed_grip
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.motor_limits import (
     PASSES,
@@ -100,6 +101,7 @@ class LawConstants(NamedTuple):
         feet_first: whether feet in the air are moved as tasks; else they follow their joints.
         passive: what joints take of their torques, to be given back.
         motors: what is believed of them.
+        grip: when feet slip.
     """
 
     gains: BodyGains
@@ -117,6 +119,7 @@ class LawConstants(NamedTuple):
     feet_first: bool
     passive: PassiveJoints
     motors: MotorModel
+    grip: GripModel
 
 
 class Command(NamedTuple):
@@ -145,6 +148,8 @@ class LawMemory(NamedTuple):
             and of gravity by which contacts would move.
         underactuation: (N,) directions of the base that the contacts cannot push.
         strength: (N,) share of their torques that the motors are taken to give.
+        grip: (N,) share of the coefficient of friction that is counted on.
+        carried: (N, F) s for which feet have carried.
         priority: (N,) factor on errors of the moment, as the layer has it at this tick.
         vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
     """
@@ -153,6 +158,8 @@ class LawMemory(NamedTuple):
     residual: np.ndarray
     underactuation: np.ndarray
     strength: np.ndarray
+    grip: np.ndarray
+    carried: np.ndarray
     priority: np.ndarray
     vertical: np.ndarray
 
@@ -174,7 +181,12 @@ def torque_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) whose contact forces keep within their limits; updates the memory."""
     count, size = terms.bias.shape
-    feet = _feet(law, target, terms, active)
+    for i in range(count):
+        memory.grip[i] = believed_grip(
+            law.grip, law.geometry, law.gravity * terms.mass_matrix[i, 0, 0], state, terms, active,
+            memory.carried[i], memory.grip[i], i,
+        )  # fmt: skip
+    feet = _feet(law, memory.grip, target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
@@ -270,7 +282,7 @@ def desired_acceleration(
     active: np.ndarray,
 ) -> np.ndarray:
     """Return the accelerations (N, nv) that a command comes to, before forces have limits."""
-    feet = _feet(law, target, terms, active)
+    feet = _feet(law, np.ones(len(active)), target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
@@ -283,17 +295,21 @@ def desired_acceleration(
 
 
 @compiled
-def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.ndarray) -> Feet:
+def _feet(
+    law: LawConstants, grip: np.ndarray, target: Target, terms: DynamicsTerms, active: np.ndarray
+) -> Feet:
     """What the feet shall do, and what their points can bear."""
     (count, feet), points = target.planted.shape, active.shape[1]
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
     asking = Feet(asked, acceleration, active, np.empty((count, points, 3)))
-    _ask(law, target, terms, asking)
+    _ask(law, grip, target, terms, asking)
     return asking
 
 
 @compiled
-def _ask(law: LawConstants, target: Target, terms: DynamicsTerms, asking: Feet) -> None:
+def _ask(
+    law: LawConstants, grip: np.ndarray, target: Target, terms: DynamicsTerms, asking: Feet
+) -> None:
     """Write what is asked of the feet, whose active points are known."""
     gains, asked, acceleration, limits = law.gains, asking.asked, asking.acceleration, asking.limits
     (count, feet), active = asked.shape, asking.active
@@ -306,7 +322,7 @@ def _ask(law: LawConstants, target: Target, terms: DynamicsTerms, asking: Feet) 
             friction, least, most = law.limits[0, point]
             load = max(target.load[i, foot], _LEAST_LOAD)
             limits[i, point, 0], limits[i, point, 2] = (
-                friction,
+                grip[i] * friction,
                 min(most, load * law.most_load * weight),
             )
             limits[i, point, 1] = min(least, limits[i, point, 2])

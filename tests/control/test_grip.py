@@ -1,0 +1,112 @@
+"""Feet that slip: how much friction the law counts on then, and whether robots stay up by it."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.control.grip import LEAST, GripModel, believed_grip
+from fbid_gym.dynamics.contacts import contact_geometry
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import RobotState
+
+HZ = 250
+
+
+class Standing:
+    """A robot whose feet all carry, each at a velocity of its own."""
+
+    def __init__(self, name: str, *, notices: bool = True) -> None:
+        robot = robots.load(name)
+        stance = Stance.of(robot)
+        self.rate, self.gravity = stance.falling_rate, robot.gravity
+        self.model = GripModel.of(self.rate, self.gravity, 1.0 / HZ, notices=notices)
+        self.geometry, self.weight = contact_geometry(robot), robot.weight
+        self.velocity = np.zeros((1, robot.num_feet, 6))
+        self.terms = stance.terms._replace(foot_velocity=self.velocity)
+        self.load = np.zeros((1, robot.num_points, 3))
+        self.load[..., 2] = robot.weight / robot.num_points
+        self.carried, self.grip = np.zeros(robot.num_feet), 1.0
+
+    def after(self, seconds: float, active: bool = True) -> float:
+        state = RobotState(np.empty((1, 0)), np.empty((1, 0)), self.load, np.zeros(1, np.int64))
+        stands = np.full(self.load.shape[:2], active)
+        for _ in range(round(seconds * HZ)):
+            self.grip = believed_grip(
+                self.model, self.geometry, self.weight, state, self.terms, stands, self.carried,
+                self.grip, 0,
+            )  # fmt: skip
+        return self.grip
+
+
+@pytest.mark.parametrize("name", ["go1", "humanoid"])
+def test_a_foot_that_slips_lowers_it_and_one_that_creeps_does_not(name: str) -> None:
+    robot = Standing(name)
+    unit = robot.gravity / robot.rate
+    robot.velocity[0, 1, :2] = 0.036 * unit, 0.047 * unit
+    assert robot.after(1.0) == 1.0
+    robot.velocity[0, 1, :2] *= 5.0
+    robot.carried[:] = 0.0
+    landing, losing = 0.06 / robot.rate, 0.15 / robot.rate
+    assert robot.after(landing) == 1.0
+    found, slid = robot.grip, 0
+    while found > LEAST and slid < HZ:
+        slid += 1
+        found = robot.after(1.0 / HZ)
+        assert found == pytest.approx(max(np.exp(-slid / HZ / losing), LEAST), rel=1e-9)
+    assert found == LEAST
+    robot.velocity[:] = 0.0
+    rising = 1.0 - (1.0 - LEAST) * (1.0 - robot.rate / 12.0 / HZ) ** (2 * HZ)
+    assert robot.after(2.0) == pytest.approx(rising, rel=1e-9)
+
+
+def test_only_feet_that_shall_stand_and_carry_slip() -> None:
+    for carries, stands in ((True, False), (False, True)):
+        robot = Standing("go1")
+        robot.velocity[..., 0] = 1.0
+        robot.load *= carries
+        assert robot.after(1.0, stands) == 1.0
+    robot = Standing("go1", notices=False)
+    robot.velocity[..., 0] = 1.0
+    assert robot.after(1.0) == 1.0
+
+
+def test_a_sole_that_tips_about_its_edge_does_not_slip(rng: np.random.Generator) -> None:
+    robot = Standing("humanoid")
+    foot, spin = 0, rng.normal(size=3) * [0.0, 5.0, 0.0]
+    points = np.flatnonzero(robot.geometry.foot_of_point == foot)
+    toes = points[robot.geometry.offset[points, 0] > 0.0]
+    arm = robot.terms.world_from_foot[0, foot] @ robot.geometry.offset[toes].mean(axis=0)
+    robot.load[:] = 0.0
+    robot.load[0, toes, 2] = robot.weight / len(toes)
+    robot.velocity[0, foot] = *-np.cross(spin, arm), *spin
+    assert np.abs(robot.velocity[0, foot, :3]).max() > 0.1
+    assert robot.after(1.0) == 1.0
+    robot.velocity[0, foot, :2] += 1.0
+    assert robot.after(0.5) == LEAST
+
+
+def test_robots_on_slippery_ground_stay_up_by_it() -> None:
+    """A trot on ground of 0.4 of its friction, which the law does not know, with pushes."""
+    up, grip = {}, {}
+    for friction, notices in ((1.0, True), (0.4, True), (0.4, False)):
+        env = gym.make_vec(
+            "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration",
+            randomisation={"friction": (friction, friction)}, forward_range=(-0.5, 0.5),
+            autoreset_mode=gym.vector.AutoresetMode.DISABLED,
+            layer_options={"notice_slip": notices},
+        )  # fmt: skip
+        env.reset(seed=0)
+        alive, case = np.ones(32, bool), (friction, notices)
+        for _ in range(400):
+            info, fallen = (out := env.step(np.zeros(env.action_space.shape)))[4], out[2]
+            alive &= ~fallen
+            if fallen.any():
+                env.reset(options={"reset_mask": fallen})
+        up[case], grip[case] = alive.mean(), info["layer_grip"][alive]
+        env.close()
+    assert (grip[0.4, False] == 1.0).all()
+    assert grip[1.0, True].mean() > 0.9
+    assert 0.3 < grip[0.4, True].mean() < 0.8
+    assert up[0.4, True] > up[0.4, False] + 0.25
+    assert up[1.0, True] > 0.9
