@@ -46,7 +46,7 @@ RANK = {
     "tasks": 7,
     "environments": 0,
     "runtime": 8,
-    "envs": 9,
+    "envs": 3687,
     "robots.__main__": 10,
     "compile_all": 10,
     "fbid_gym": 10,
@@ -88,10 +88,10 @@ LONGER = {
 }
 LINES = {
     ".": 2385,
-    "actions": 3271,
-    "control": 4743,
+    "actions": 3282,
+    "control": 4857,
     "dynamics": 1685,
-    "envs": 3684,
+    "envs": 3687,
     "estimation": 2185,
     "motions": 3820,
     "policy": 652,
@@ -102,10 +102,10 @@ LINES = {
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_482
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_492
+TEST_LINES = 30_597
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (36, 6933)}
+READING = {"fbid_gym.actions.base_acceleration": (37, 7070)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

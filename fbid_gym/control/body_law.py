@@ -16,7 +16,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.control.grip import GripModel, believed_grip
+from fbid_gym.control.grip import GripModel, notice_slip
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.motor_limits import (
     PASSES,
@@ -181,11 +181,9 @@ def torque_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) whose contact forces keep within their limits; updates the memory."""
     count, size = terms.bias.shape
-    for i in range(count):
-        memory.grip[i] = believed_grip(
-            law.grip, law.geometry, law.gravity * terms.mass_matrix[i, 0, 0], state, terms, active,
-            memory.carried[i], memory.grip[i], i,
-        )  # fmt: skip
+    notice_slip(
+        law.grip, law.geometry, law.gravity, state, terms, active, memory.carried, memory.grip
+    )
     feet = _feet(law, memory.grip, target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)
     motion = room_to_move(law.limbs, law.geometry)

@@ -53,47 +53,48 @@ class GripModel(NamedTuple):
 
 
 @compiled
-def believed_grip(
+def notice_slip(
     model: GripModel,
     geometry: ContactGeometry,
-    weight: float,
+    gravity: float,
     state: RobotState,
     terms: DynamicsTerms,
     active: np.ndarray,
     carried: np.ndarray,
-    grip: float,
-    i: int,
-) -> float:
-    """Return the share of its coefficient of friction that a robot counts on from now on.
+    grip: np.ndarray,
+) -> None:
+    """Update the share of their coefficient of friction that robots count on.
 
     A foot's speed is that of its centre of pressure, where a sole that tips stays.
 
     Args:
-        model: of the robot.
-        geometry: of its contact points.
-        weight: N, of the robot.
+        model: of the robots.
+        geometry: of their contact points.
+        gravity: m/s^2.
         state: of the robots; its contact forces are those on the points.
         terms: of the robots.
         active: (N, P) whether a point is taken to be on the ground.
-        carried: (F,) s for which the feet of this robot have carried; updated.
-        grip: share that it counted on so far.
-        i: which robot.
+        carried: (N, F) s for which feet have carried; updated.
+        grip: (N,) the shares; updated.
     """
-    slips = 0.0
-    for foot in range(len(carried)):
-        load, lever = 0.0, (0.0, 0.0, 0.0)
-        for point in range(len(geometry.foot_of_point)):
-            if geometry.foot_of_point[point] == foot and active[i, point]:
-                force = max(state.contact_force[i, point, 2], 0.0)
-                load += force
-                lever = add(lever, scale(force, vector(geometry.offset, (point,))))
-        carried[foot] = carried[foot] + model.tick if load > _CARRIES * weight else 0.0
-        if carried[foot] > model.landing:
-            arm = turn(matrix(terms.world_from_foot, (i, foot)), scale(1.0 / load, lever))
-            turning = cross(vector(terms.foot_velocity, (i, foot), 3), arm)
-            x, y, _ = add(vector(terms.foot_velocity, (i, foot)), turning)
-            tells = min(load / (_TELLS * weight), 1.0)
-            slips = max(slips, tells * min(max(math.hypot(x, y) / model.speed - 1.0, 0.0), 1.0))
-    if slips == 0.0:
-        return grip + min(model.tick / model.recovering, 1.0) * (1.0 - grip)
-    return max(grip * math.exp(-model.tick / model.losing * slips), LEAST)
+    for i in range(len(grip)):
+        weight, slips = gravity * terms.mass_matrix[i, 0, 0], 0.0
+        for foot in range(carried.shape[1]):
+            load, lever = 0.0, (0.0, 0.0, 0.0)
+            for point in range(len(geometry.foot_of_point)):
+                if geometry.foot_of_point[point] == foot and active[i, point]:
+                    force = max(state.contact_force[i, point, 2], 0.0)
+                    load += force
+                    lever = add(lever, scale(force, vector(geometry.offset, (point,))))
+            carries = load > _CARRIES * weight
+            carried[i, foot] = carried[i, foot] + model.tick if carries else 0.0
+            if carried[i, foot] > model.landing:
+                arm = turn(matrix(terms.world_from_foot, (i, foot)), scale(1.0 / load, lever))
+                turning = cross(vector(terms.foot_velocity, (i, foot), 3), arm)
+                x, y, _ = add(vector(terms.foot_velocity, (i, foot)), turning)
+                tells = min(load / (_TELLS * weight), 1.0)
+                slips = max(slips, tells * min(max(math.hypot(x, y) / model.speed - 1.0, 0.0), 1.0))
+        if slips == 0.0:
+            grip[i] += min(model.tick / model.recovering, 1.0) * (1.0 - grip[i])
+        else:
+            grip[i] = max(grip[i] * math.exp(-model.tick / model.losing * slips), LEAST)

@@ -12,7 +12,7 @@ from fbid_gym.dynamics.contacts import point_jacobian, point_positions
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.moment import Moment
-from fbid_gym.quantities import ContactGeometry
+from fbid_gym.quantities import ContactGeometry, Memory
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
 from fbid_gym.tasks.body import TOUCHING_LOAD
@@ -29,7 +29,7 @@ class Insight:
     # (P, 3) N, what the layer's torques ask of contacts that hold, by the controller's model; zero
     # where a foot is not planned to stand.
     commanded: np.ndarray
-    friction: float  # coefficient that the layer assumes, 0.7 where it assumes none
+    friction: float  # coefficient that the layer counts on, 0.7 where it assumes none
     com: np.ndarray  # (3,) m
     # (3,) m, where the robot would have to stand to come to rest, at the height of the feet.
     capture_point: np.ndarray
@@ -61,7 +61,7 @@ def insight(batch: EnvBatch, env: int = 0) -> Insight:
         points=points,
         measured=measured,
         commanded=_asked_of_contacts(robot, stance.geometry, seen, torque),
-        friction=_friction(batch.layer),
+        friction=_friction(batch.layer, seen.memory),
         com=com,
         capture_point=np.append(caught, ground),
         pressure=load @ points / load.sum() if carrying.any() else np.full(3, np.nan),
@@ -79,9 +79,11 @@ def _desired(layer: ActionLayer, seen: Moment) -> np.ndarray:
     return np.full(3, np.nan) if desired is None else desired(seen.action, *given)[0]
 
 
-def _friction(layer: ActionLayer) -> float:
+def _friction(layer: ActionLayer, memory: Memory) -> float:
     contact = getattr(layer, "contact", None)
-    return _FRICTION if contact is None or contact.friction is None else float(contact.friction)
+    if contact is None or contact.friction is None:
+        return _FRICTION
+    return float(contact.friction * memory["grip"][0]) if "grip" in memory else contact.friction
 
 
 def _asked_of_contacts(

@@ -59,6 +59,7 @@ INFO = {
     "layer_underactuation": "Base directions that the assumed contacts cannot push; likewise",
     "layer_strength": "Share of their torques that the motors are taken to give; of model-based "
     "layers with limited contact forces",
+    "layer_grip": "Share of the friction that is counted on, less after feet slipped; likewise",
     "termination": "0, 1 after a fall, 2 where the simulation diverged: places in "
     '`env.metadata["terminations"]`',
     "clipped_actions": "Share of the action's entries outside [-1, 1], which were clipped",
