@@ -6,6 +6,7 @@ import pinocchio as pin
 import pytest
 
 from fbid_gym.dynamics import frames
+from tests.dynamics.models import integrate, random_mjcf, random_states
 
 ANGLES = [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.0, np.pi - 1e-6, np.pi - 1e-12]
 
@@ -74,12 +75,12 @@ def test_orientation_error_turns_the_first_into_the_second(rng):
 
 
 @pytest.fixture(scope="module")
-def model(random_mjcf):
+def model():
     return mujoco.MjModel.from_xml_string(random_mjcf(7))
 
 
 @pytest.fixture(scope="module")
-def states(model, random_states):
+def states(model):
     return random_states(model, 20)
 
 
@@ -99,7 +100,7 @@ def test_configuration_round_trip(model, states):
     np.testing.assert_allclose(frames.configuration_to_pinocchio(unscaled, model.qpos0), q)
 
 
-def test_velocity_is_the_rate_of_pinocchios_configuration(model, states, base, integrate):
+def test_velocity_is_the_rate_of_pinocchios_configuration(model, states, base):
     """Both libraries agree on what moves when MuJoCo's configuration moves at v."""
     free_flyer = pin.JointModelFreeFlyer()
     pin_model = pin.Model()
@@ -116,7 +117,7 @@ def test_velocity_is_the_rate_of_pinocchios_configuration(model, states, base, i
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
 
 
-def test_velocity_product_is_the_rate_of_x_times_v(model, states, base, integrate):
+def test_velocity_product_is_the_rate_of_x_times_v(model, states, base):
     step = 1e-5
     for qpos, qvel, rotation in zip(*states, base, strict=True):
         before, after = (
