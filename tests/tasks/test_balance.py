@@ -10,6 +10,7 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.quantities import RobotState
 from fbid_gym.tasks import Balance, Body, Episode, Pushes, Start
 from fbid_gym.tasks.outcome import Outcome
+from tests.postures import posed
 
 HZ = 500
 
@@ -101,9 +102,7 @@ def at_random(task, rng, count):
 
 def feet_of(robot, qpos, qvel):
     """Contact points (P, 3), their velocities, and the feet's centre and heading, from MjData."""
-    data = mujoco.MjData(robot.model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot, qpos, qvel)
     points, velocities = [], []
     for foot in robot.feet:
         for point in foot.points:
