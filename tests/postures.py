@@ -31,6 +31,15 @@ def points(robot: Robot, data: mujoco.MjData) -> np.ndarray:
     )
 
 
+def point_jacobians(robot: Robot, data: mujoco.MjData) -> np.ndarray:
+    """Of these places, as points of the feet's bodies: (P, 3, nv)."""
+    bodies = [foot.body for foot in robot.feet for _ in foot.points]
+    jacobians = np.zeros((len(bodies), 3, robot.nv))
+    for rows, place, body in zip(jacobians, points(robot, data), bodies, strict=True):
+        mujoco.mj_jac(robot.model, data, rows, None, place, body)
+    return jacobians
+
+
 def bent(robot: Robot) -> np.ndarray:
     """(nq,) a posture on bent legs, on soles half-way down a squat."""
     if not robot.has_soles:

@@ -1,6 +1,5 @@
 """Contact points against MuJoCo's own Jacobians, and fewer rows against all of them."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -15,7 +14,7 @@ from fbid_gym.dynamics.contacts import (
 )
 from fbid_gym.errors import ShapeError
 from tests.dynamics.models import random_mjcf, random_states, rate, robot_called
-from tests.postures import points, posed
+from tests.postures import point_jacobians, points, posed
 
 LINE_FEET = {"edge": ["corner0", "corner1"], "ball": ["ball"]}
 
@@ -35,12 +34,8 @@ def geometry(robot):
 def mujoco_points(robot, qpos, qvel):
     """Positions (P, 3), velocities (P, 3) and Jacobian (3 P, nv) of the contact points."""
     data = posed(robot, qpos)
-    positions = points(robot, data)
-    bodies = [foot.body for foot in robot.feet for _ in foot.points]
-    jacobian = np.zeros((len(positions), 3, robot.nv))
-    for rows, position, body in zip(jacobian, positions, bodies, strict=True):
-        mujoco.mj_jac(robot.model, data, rows, None, position, body)
-    return positions, jacobian @ qvel, jacobian.reshape(-1, robot.nv)
+    jacobian = point_jacobians(robot, data)
+    return points(robot, data), jacobian @ qvel, jacobian.reshape(-1, robot.nv)
 
 
 def test_points_are_where_mujoco_has_them_and_move_alike(robot, geometry):
