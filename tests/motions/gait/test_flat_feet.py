@@ -22,7 +22,7 @@ FLAT = ("biped", "humanoid")
 
 def turned(angle: np.ndarray) -> np.ndarray:
     """(N, 3, 3) rotations about the vertical."""
-    return Rotation.from_euler("z", angle).as_matrix()
+    return Rotation.from_euler("z", angle[:, None]).as_matrix()
 
 
 def heading_of(target: Target) -> np.ndarray:
