@@ -92,7 +92,7 @@ def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -
     """Environment steps per second of every layer, relative to the layer `torque`."""
     figures: list[Figure] = []
     for robot in robots:
-        given = {"robot": robot, "num_envs": num_envs, "num_threads": 1}
+        given: dict[str, Any] = {"robot": robot, "num_envs": num_envs, "num_threads": 1}
         stretches = {
             f"{robot}, `{layer}`": _stretch(time.process_time, action_layer=layer, **given)
             for layer in layers
@@ -116,7 +116,7 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
         stretches: dict[str, Callable[[], float]] = {}
         for threads in (1, 2):
             one = " 1" if threads == 1 else ""
-            given = {"robot": robot, "num_envs": num_envs, "num_threads": threads}
+            given: dict[str, Any] = {"robot": robot, "num_envs": num_envs, "num_threads": threads}
             stretches[alone + one] = _physics_stretch(clock, **given)
             for layer in layers:
                 stretches[f"{robot}, `{layer}`{one}"] = _stretch(clock, action_layer=layer, **given)
@@ -135,7 +135,11 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
 def several_robots(rounds: int) -> Section:
     """Environment steps per second of several robots in a list, relative to as many of one."""
     figures: list[Figure] = []
-    layer = {"action_layer": "base_acceleration", "observation": "body", "num_threads": 1}
+    layer: dict[str, Any] = {
+        "action_layer": "base_acceleration",
+        "observation": "body",
+        "num_threads": 1,
+    }
     for robots, each in MIXED:
         what, count = f"{robots} robots, {each} environments of each", robots * each
         stretches = {
