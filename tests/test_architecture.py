@@ -100,7 +100,7 @@ LINES = {
     "tasks": 2325,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
-PAPERS_LINES = 5_482
+PAPERS_LINES = 5_457
 # Of all that is in tests/; 24,000 is where this shall go.
 TEST_LINES = 30_598
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
