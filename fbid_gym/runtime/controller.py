@@ -255,7 +255,7 @@ class Controller:
         limit(effort, torque, self.robot.torque_limit)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
-        self._tick += 1
+        self._tick[0] = ticks + 1
         return effort.torque[0].copy()
 
     def _terms(self) -> DynamicsTerms:
