@@ -16,7 +16,7 @@ from fbid_gym.actions.gains import (
 )
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import scaled_names
-from fbid_gym.control.body_law import stabilise
+from fbid_gym.control.body_law import NONE, Command, stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.motions.target import MotionKind
@@ -112,7 +112,7 @@ class BaseAcceleration(LawLayer):
         """See `ActionLayer.torque`."""
         known = terms()
         set_priority(action, memory)
-        command = stabilise(self.law.constants, self.scale * action[:, :6], state, target, known)
+        command = Command(NONE, self.scale * action[:, :6], NONE)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(

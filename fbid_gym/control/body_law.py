@@ -78,6 +78,9 @@ from fbid_gym.quantities import (
 )
 from fbid_gym.small_matrices import copy, dot, times
 
+NONE = np.empty((0, 6))
+"""What a `Command` leaves out."""
+
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 
 
@@ -123,7 +126,9 @@ class Command(NamedTuple):
     """What a layer asks of N robots at a tick.
 
     Attributes:
-        reference: (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2.
+        reference: (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2. (0, 6):
+            those of `stabilise`, to which `body` adds; with a push the base's height and rotation
+            go as the target's.
         body: (N, m) accelerations of the body that go before these, m of 0, 2 or 6: of the centre
             of mass in the world's x and y (m/s^2), of the base's height (m/s^2), and of its
             rotation (rad/s^2, base's axes).
@@ -179,6 +184,7 @@ def torque_within_limits(
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
     torque, start, nearness = np.empty((count, size - 6)), np.empty(6), np.empty(6)
+    command = _completed(law, command, state, target, terms)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
         for k in range(6):
@@ -275,6 +281,7 @@ def desired_acceleration(
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
     desired = np.empty(terms.bias.shape)
+    command = _completed(law, command, state, target, terms)
     for i in range(len(desired)):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
         put_together(law.limbs, work, motion)
@@ -488,6 +495,31 @@ def _target_spin(target: Target, terms: DynamicsTerms, i: int) -> Vector:
     """The target's angular velocity, rad/s, in the axes of the base as it is."""
     world = turn(rotation_at(target.qpos, i, 3), vector(target.qvel, (i,), 3))
     return turn(transposed(matrix(terms.world_from_base, (i,))), world)
+
+
+@compiled
+def _completed(
+    law: LawConstants,
+    command: Command,
+    state: RobotState,
+    target: Target,
+    terms: DynamicsTerms,
+) -> Command:
+    """Return a command that has its reference, see there."""
+    if len(command.reference) > 0:
+        return command
+    found = stabilise(law, command.body, state, target, terms)
+    if len(command.push) > 0:
+        _rise_and_turn(target.qacc, found.body)
+    return Command(found.reference, found.body, command.push)
+
+
+@compiled
+def _rise_and_turn(qacc: np.ndarray, body: np.ndarray) -> None:
+    """Have the base's height and rotation accelerate as the target's, and no more."""
+    for i in range(len(body)):
+        for k in range(2, 6):
+            body[i, k] = qacc[i, k]
 
 
 @kernel

@@ -22,7 +22,7 @@ from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort, add_power, limit
-from fbid_gym.runtime.given import checked_action, checked_command
+from fbid_gym.runtime.given import checked_action, checked_command, clip
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing
@@ -247,7 +247,9 @@ class Controller:
             seen = loop.observer.observe(self.measured, self.measured, just_begun)
             action = self.policy(seen)
             action = checked_action(action, (1, loop.num_actions), refuse=False)
-            loop.send(np.clip(action, -1.0, 1.0))
+            action = np.array(action, order="C")
+            clip(action)
+            loop.send(action)
             effort.begin()
         torque = loop.torque(tick, state, terms, terms)
         if self.estimator is not None:
