@@ -168,7 +168,8 @@ class ComWrench(LawLayer):
             return self.law.desired(action, state, target, terms)
         push = self.scale * action[:, :6]
         added = np.concatenate([push[:, :3] / self.law.robot.mass, 0.0 * push[:, 3:]], axis=1)
-        return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
+        command = Command.to_target(added)
+        return stabilise(self.law.constants, command, state, target, terms).body[:, :3]
 
 
 def _papers_frequencies(

@@ -245,8 +245,7 @@ class Controller:
             self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
             just_begun = np.zeros(1, int) if ticks == 0 else None
             seen = loop.observer.observe(self.measured, self.measured, just_begun)
-            action = self.policy(seen)
-            action = checked_action(action, (1, loop.num_actions), refuse=False)
+            action = checked_action(self.policy(seen), (1, loop.num_actions), refuse=False)
             action = np.array(action, order="C")
             clip(action)
             loop.send(action)
