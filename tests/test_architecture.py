@@ -89,10 +89,10 @@ LONGER = {
 LINES = {
     ".": 2385,
     "actions": 3271,
-    "control": 4743,
+    "control": 4761,
     "dynamics": 1685,
     "envs": 3684,
-    "estimation": 2185,
+    "estimation": 2176,
     "motions": 3820,
     "policy": 652,
     "robots": 5898,
