@@ -83,7 +83,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
 # another, or says in the commit why the house has to grow.
 LONGER = {
-    **{"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750},  # to be split
+    **{"fbid_gym/control/body_law.py": 580, "fbid_gym/control/whole_body.py": 750},  # to be split
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {

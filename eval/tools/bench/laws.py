@@ -10,7 +10,7 @@ from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.control.body_law import desired_acceleration, stabilise
+from fbid_gym.control.body_law import Command, desired_acceleration, stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_target, in_world
@@ -119,7 +119,8 @@ class _Stand:
         terms = self.timed("terms", simulation.terms)
         target = in_world(self.heading, self.home, terms)
         constants = self.layers["limited"].law.constants
-        wanted = self.timed("stabiliser", stabilise, constants, self.action, state, target, terms)
+        command = Command.to_target(self.action)
+        wanted = self.timed("stabiliser", stabilise, constants, command, state, target, terms)
         active = self.layers["limited"].law.belief(state, target)
         self.timed("desired", desired_acceleration, constants, wanted, state, target, terms, active)
         torques = {}

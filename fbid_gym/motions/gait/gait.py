@@ -72,14 +72,14 @@ class Gait:
             contact_force: (N, P, 3) N, world, on the contact points.
             memory: of the robots; updated.
         """
-        own = self.remembered._make(self._own(memory))
+        own = self.remembered(*self._own(memory))
         target = self.target(memory)
         self.walk(self.constants, command, terms, contact_force, self.tick, own, target)
         return target
 
     def target(self, memory: Memory) -> Target:
         """Return the robots' target, in the arrays of their memory."""
-        return Target._make(_asked(memory))
+        return Target(*_asked(memory))
 
 
 def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
