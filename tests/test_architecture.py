@@ -93,7 +93,7 @@ LINES = {
     "dynamics": 1685,
     "envs": 3684,
     "estimation": 2185,
-    "motions": 3820,
+    "motions": 3874,
     "policy": 652,
     "robots": 5898,
     "runtime": 1922,
@@ -102,7 +102,7 @@ LINES = {
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_482
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_492
+TEST_LINES = 30_604
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6933)}
