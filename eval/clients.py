@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from eval.page.docs import DOCS, marks, splice
+from eval.page.docs import DOCS, markdown_table, marks, splice
 from fbid_gym.checks import check_choices
 from fbid_gym.errors import RunError
 from train.command import run_command
@@ -112,7 +112,7 @@ def main(config: ClientsConfig) -> None:
         rows[name] = f"| {' | '.join(cells)} |"
         print(f"| {name} {rows[name]}", flush=True)
     if config.write_docs:
-        head = "| Library | Version | gymnasium | Frames/s |\n| --- | --- | --- | ---: |"
+        head = markdown_table(("Library", "Version", "gymnasium", "Frames/s"), (), 3)
         body = [f"| {name} {rows[name]}" for name in known if name in rows]
         splice(CLIENTS_PAGE, "\n".join([head, *body]))
 

@@ -19,14 +19,12 @@ from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
-from eval.files import check_folder, check_output
-from eval.rollout import Player
-from eval.video import record
+from eval.files import check_folder, check_output, write
+from eval.rollout import Player, filmed
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 from train.command import run_command
-from train.environments import make_env
 from train.recipes import config_for
 from train.runs import robots
 from train.runs.config import EvaluationConfig, TrainConfig, cores
@@ -100,15 +98,9 @@ def film_zero_action(config: DemoConfig) -> Path:
     first = next(iter(trainings(config).values()))
     robot = robots.chosen(config.robot, config.feet)
     player = Player("zero action", first.env, first.make_args(), None, robot)
-    env = make_env(player.env_id, player.make_args)
-    try:
-        actor = player.actor(env.observation_space, env.action_space)
-        title = f"{first.action_layer}, zero action"
-        clip = record(env, actor, first.eval.seed, config.video_seconds, title)
-    finally:
-        env.close()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(clip.mp4())
+    title = f"{first.action_layer}, zero action"
+    clip = filmed(player, first.eval.seed, config.video_seconds, title)
+    write(path, clip.mp4())
     return path
 
 

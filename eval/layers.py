@@ -25,7 +25,7 @@ import tyro
 import fbid_gym
 from eval.files import check_output, write
 from eval.page.colours import colours_of
-from eval.page.docs import DOCS, command_block, splice, spliced
+from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.page.figures import bars
 from eval.page.html import render
 from eval.results import Estimate
@@ -185,7 +185,7 @@ def run(config: LayersConfig, command: Sequence[str]) -> None:
     rows = list(measured(_versioned(cases(what), own), TABLE, file, config.overwrite))
     best, found = standings(rows, config.against)
     heads, lines = summary(best, found)
-    text = "\n\n".join(_markdown(*each) for each in ((heads, lines), _by_task(rows)))
+    text = "\n\n".join(markdown_table(*each) for each in ((heads, lines), _by_task(rows)))
     print(f"\n{text}")
     write(config.out, page(rows, best, found, list(own), command))
     print(f"wrote {config.out}")
@@ -211,10 +211,6 @@ def summary(best: str, found: dict[str, Standing]) -> tuple[list[str], list[list
 def _by_task(rows: Sequence[Row]) -> tuple[Sequence[str], list[Sequence[str]]]:
     head, *lines = short(TABLE, rows)
     return head, lines
-
-
-def _markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines))
 
 
 def page(

@@ -22,7 +22,7 @@ import tyro
 from rich.console import Console
 from scipy.stats import wilcoxon
 
-from eval.page.docs import DOCS, splice, spliced
+from eval.page.docs import DOCS, markdown_table, splice, spliced
 from eval.page.figures import Series, panel, sheet
 from eval.statistics import holm
 from eval.study.cells import policy_digest
@@ -263,30 +263,24 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     """Return how all did together, and on each robot, as Markdown."""
     robots = unseen(found)
     better = compared(found, robots)
-    lines = [
+    said = (
         f"{len(robots)} robots that nobody learnt with; means over them and over seeds, and (least "
         "to greatest seed). Last columns: on how many of the robots an arm's mean return is above "
         "that of its layer's zero action, and of its proportional law; p of Wilcoxon's signed-rank "
-        "test over the robots, by Holm's method for all of these columns.",
-        "",
-        "| arm | layer | robots learnt with | seeds | return | up | > zero | > one gain |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+        "test over the robots, by Holm's method for all of these columns."
+    )
+    heads = ("arm", "layer", "robots learnt with", "seeds", "return", "up", "> zero", "> one gain")
+    together, each = [], []
     for one in found:
         returned, up = one.over(one.returned, robots), one.over(one.up, robots)
         than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
         cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
-        cells += [_spread(returned, number), _spread(up, percent), *than]
-        lines.append(f"| {' | '.join(cells)} |")
+        together.append([*cells, _spread(returned, number), _spread(up, percent), *than])
     first = {row["robot"]: row for row in rows}
-    lines += [
-        "",
+    then = (
         "Return, and share of the episodes without a fall, on each robot; in brackets, of who "
-        "learnt with it.",
-        "",
-        f"| robot | kg | joints | {' | '.join(one.name for one in found)} |",
-        f"| --- | ---: | ---: |{' ---: |' * len(found)}",
-    ]
+        "learnt with it."
+    )
     for robot, row in first.items():
         cells = [f"`{robot}`", row["mass"], row["joints"]]
         for one in found:
@@ -295,8 +289,10 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
                 continue
             value = f"{np.mean(one.returned[robot]):.0f}, {percent(float(np.mean(one.up[robot])))}"
             cells.append(f"({value})" if robot in one.seen else value)
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        each.append(cells)
+    names = ("robot", "kg", "joints", *(one.name for one in found))
+    tables = markdown_table(heads, together, 2), markdown_table(names, each, 1)
+    return f"{said}\n\n{tables[0]}\n\n{then}\n\n{tables[1]}"
 
 
 def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], str]:

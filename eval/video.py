@@ -115,28 +115,29 @@ def _annotate(
     if image.size != (WIDTH, HEIGHT):
         image = image.resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
     draw = ImageDraw.Draw(image, "RGBA")
-    font = ImageFont.load_default(20)
     if title:
-        _label(draw, (14, 14), title, font, (20, 24, 32, 190))
+        label(draw, (14, 14), title, (20, 24, 32, 190))
     strength = float(np.linalg.norm(push))
     if ended is not None:
-        _label(draw, (14, HEIGHT - 44), f"fell after {ended:.1f} s", font, (176, 42, 48, 230))
+        label(draw, (14, HEIGHT - 44), f"fell after {ended:.1f} s", (176, 42, 48, 230))
     elif strength > 0:
-        _label(draw, (14, HEIGHT - 44), f"push {strength:.0f} N", font, (196, 90, 8, 230))
+        label(draw, (14, HEIGHT - 44), f"push {strength:.0f} N", (196, 90, 8, 230))
     clock = f"{time:.1f} s"
-    width = draw.textlength(clock, font=font)
-    _label(draw, (WIDTH - 30 - int(width), 14), clock, font, (20, 24, 32, 140))
+    width = draw.textlength(clock, font=ImageFont.load_default(20))
+    label(draw, (WIDTH - 30 - int(width), 14), clock, (20, 24, 32, 140))
     return np.asarray(image)
 
 
-def _label(
+def label(
     draw: ImageDraw.ImageDraw,
     corner: tuple[int, int],
     text: str,
-    font: Any,
     colour: tuple[int, int, int, int],
+    size: int = 20,
 ) -> None:
+    """Write on a plate of a colour; `size` is of the letters, pixels."""
     x, y = corner
+    font, high, beside = ImageFont.load_default(size), 1.5 * size, 0.4 * size
     width = draw.textlength(text, font=font)
-    draw.rounded_rectangle((x, y, x + width + 16, y + 30), radius=6, fill=colour)
-    draw.text((x + 8, y + 15), text, font=font, fill=(255, 255, 255, 255), anchor="lm")
+    draw.rounded_rectangle((x, y, x + width + 2 * beside, y + high), 0.3 * size, fill=colour)
+    draw.text((x + beside, y + high / 2), text, font=font, fill=(255, 255, 255, 255), anchor="lm")

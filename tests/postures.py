@@ -1,10 +1,43 @@
 """Robots on bent legs, and turned about the vertical."""
 
+import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fbid_gym.motions import squat_bow
 from fbid_gym.robots import Robot
+
+
+def posed(
+    robot: Robot, qpos: np.ndarray | None = None, qvel: np.ndarray | float = 0.0
+) -> mujoco.MjData:
+    """A robot's own model at a state, at home if none is given; all that follows is computed."""
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos if qpos is None else qpos
+    data.qvel[:] = qvel
+    mujoco.mj_forward(robot.model, data)
+    return data
+
+
+def points(robot: Robot, data: mujoco.MjData) -> np.ndarray:
+    """Where the contact points of all feet are (P, 3), the lowest points of their spheres."""
+    return np.concatenate(
+        [
+            data.xpos[foot.body]
+            + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+            - [0.0, 0.0, foot.radius]
+            for foot in robot.feet
+        ]
+    )
+
+
+def point_jacobians(robot: Robot, data: mujoco.MjData) -> np.ndarray:
+    """Of these places, as points of the feet's bodies: (P, 3, nv)."""
+    bodies = [foot.body for foot in robot.feet for _ in foot.points]
+    jacobians = np.zeros((len(bodies), 3, robot.nv))
+    for rows, place, body in zip(jacobians, points(robot, data), bodies, strict=True):
+        mujoco.mj_jac(robot.model, data, rows, None, place, body)
+    return jacobians
 
 
 def bent(robot: Robot) -> np.ndarray:

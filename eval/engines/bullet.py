@@ -147,7 +147,10 @@ class BulletWorld:
                 self._id, index, engine.VELOCITY_CONTROL, targetVelocity=0.0, force=dry
             )
         bodies = [link.body for link in links]
-        self._feet = {-1 if b == robot.base_body else bodies.index(b): k for k, b in _soles(robot)}
+        self._feet = {
+            -1 if foot.body == robot.base_body else bodies.index(foot.body): k
+            for k, foot in enumerate(robot.feet)
+        }
         self._points = [
             points - (links[bodies.index(body)].anchor if body in bodies else 0.0)
             for body, points in ((foot.body, foot.points) for foot in robot.feet)
@@ -323,11 +326,6 @@ def _geom(engine: Any, model: mujoco.MjModel, geom: int, anchor: np.ndarray) -> 
         "collisionFramePositions": (model.geom_pos[geom] - anchor).tolist(),
         "collisionFrameOrientations": _xyzw(model.geom_quat[geom]),
     }
-
-
-def _soles(robot: Robot) -> Iterator[tuple[int, int]]:
-    """Number and body of each foot."""
-    return ((k, foot.body) for k, foot in enumerate(robot.feet))
 
 
 def _matrix(quaternion: np.ndarray) -> np.ndarray:

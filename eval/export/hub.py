@@ -18,6 +18,7 @@ import msgspec
 
 import fbid_gym
 from eval.export.onnx_model import INPUT, OUTPUT, metadata_of, to_onnx
+from eval.page.docs import markdown_table
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.policy import Policy
@@ -181,10 +182,10 @@ def _metrics(policy: Policy) -> str:
     if card is None:
         return "Not measured here: `fbid-gym eval policy.safetensors --episodes 100` does."
     rows = [
-        f"| {metric} | {x.mean:.4g} | {x.low:.4g} to {x.high:.4g} | {x.unit} |"
+        (metric, f"{x.mean:.4g}", f"{x.low:.4g} to {x.high:.4g}", x.unit)
         for metric, x in card.metrics.items()
     ]
-    table = "\n".join(["| | mean | interval | unit |", "|---|---|---|---|", *rows])
+    table = markdown_table(("", "mean", "interval", "unit"), rows)
     played = (
         f"{card.episodes} episodes from seed {card.first_seed}, {card.confidence:.0%} intervals."
     )

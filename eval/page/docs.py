@@ -1,7 +1,7 @@
 """Pages of `docs/` whose tables a command writes, between two marks."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from eval.files import write
@@ -44,6 +44,14 @@ def spliced(page: Path, tables: str, part: str = "") -> str:
 def splice(page: Path, tables: str, part: str = "") -> None:
     """Write the tables into a page; raises as `spliced` does."""
     write(page, spliced(page, tables, part))
+
+
+def markdown_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], left: int | None = None
+) -> str:
+    """Return a table as Markdown; of its columns, those after the first `left` are set right."""
+    ruler = [*["---"] * len(heads[:left]), *["---:"] * (len(heads) - len(heads[:left]))]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, ruler, *rows))
 
 
 def command_block(words: Sequence[str]) -> str:

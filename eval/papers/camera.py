@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from markupsafe import Markup
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from eval.page.figures import Series, panel
 from eval.papers.log import Log
-from eval.video import Clip
+from eval.video import Clip, label
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
 from fbid_gym.envs.rendering import DISTANCE, add_push
@@ -55,7 +55,7 @@ class Camera:
         camera.azimuth, camera.elevation = self.azimuth, self.elevation
         camera.distance = DISTANCE * size
         with offscreen(model, self.height, self.width) as renderer:
-            for qpos, push, label in states:
+            for qpos, push, told in states:
                 data.qpos[:] = qpos
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_comPos(model, data)
@@ -66,7 +66,7 @@ class Camera:
                 centre = data.xipos[self.robot.base_body]
                 add_push(renderer.scene, centre, push / self.robot.weight, size)
                 picture = renderer.render()
-                pictures.append(_labelled(picture, label) if label else picture)
+                pictures.append(_labelled(picture, told) if told else picture)
         return pictures
 
     def strip(
@@ -88,13 +88,9 @@ class Camera:
         return Clip(pictures, fps, push, None).mp4(30)
 
 
-def _labelled(picture: np.ndarray, label: str) -> np.ndarray:
+def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(picture)
-    draw = ImageDraw.Draw(image, "RGBA")
-    font = ImageFont.load_default(15)
-    width = draw.textlength(label, font=font)
-    draw.rounded_rectangle((8, 8, 20 + width, 31), radius=5, fill=(20, 24, 32, 170))
-    draw.text((14, 19), label, font=font, fill=(255, 255, 255, 255), anchor="lm")
+    label(ImageDraw.Draw(image, "RGBA"), (8, 8), text, (20, 24, 32, 170), 15)
     return np.asarray(image)
 
 

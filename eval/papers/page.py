@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from eval.page.docs import markdown_table
 from eval.page.html import render
 from eval.papers.experiment import Experiment, Finding, Run
 from eval.papers.registry import Paper
@@ -64,7 +65,7 @@ def summary(papers: Shown) -> str:
 
 
 def _table(paper: Paper, sections: Sequence[Section]) -> str:
-    lines = [f"**{paper.title}**", "", "|  |  | paper | ours | target |", "| --- " * 5 + "|"]
+    lines = []
     for section in sections:
         rows = [
             (finding.what, finding.paper, f"**{finding.ours}**",
@@ -74,6 +75,5 @@ def _table(paper: Paper, sections: Sequence[Section]) -> str:
         if section.run is None:
             rows = [("did not run to the end", "", "", "")]
         for title, row in zip([section.experiment.title, *[""] * len(rows)], rows, strict=False):
-            cells = [cell.replace("|", r"\|") for cell in (title, *row)]
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+            lines.append([cell.replace("|", r"\|") for cell in (title, *row)])
+    return f"**{paper.title}**\n\n{markdown_table(('', '', 'paper', 'ours', 'target'), lines)}"

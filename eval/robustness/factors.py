@@ -82,24 +82,11 @@ def _pushed(weights: float, config: EnvConfig) -> Changes:
     return {"push_force": (newtons, newtons)}
 
 
-def _fixed(name: str) -> Callable[[float, EnvConfig], Changes]:
-    """A quantity of the randomisation that is the same for all robots."""
-    return lambda value, config: {"randomisation": {name: (value, value)}}
-
-
-def _scaled(name: str) -> Callable[[float, EnvConfig], Changes]:
-    """Likewise, where the value is by how much more than nominal it is."""
-    return lambda value, config: {"randomisation": {name: (1.0 + value, 1.0 + value)}}
-
-
-def _late(milliseconds: float, config: EnvConfig) -> Changes:
-    seconds = 1e-3 * milliseconds
-    return {"randomisation": {"action_delay": (seconds, seconds)}}
-
-
-def _latent(milliseconds: float, config: EnvConfig) -> Changes:
-    seconds = 1e-3 * milliseconds
-    return {"randomisation": {"loop_delay": (seconds, seconds)}}
+def _fixed(
+    name: str, unit: float = 1.0, nominal: float = 0.0
+) -> Callable[[float, EnvConfig], Changes]:
+    """A quantity of the randomisation, the same for all robots: so many units from nominal."""
+    return lambda value, config: {"randomisation": {name: (nominal + unit * value,) * 2}}
 
 
 def _motor_table(config: EnvConfig) -> Changes:
@@ -128,20 +115,15 @@ def _lagging(milliseconds: float, config: EnvConfig) -> Changes:
     return {"motors": _motor_table(config) | {"lag": 1e-3 * milliseconds}}
 
 
-def _noisy(scale: float, config: EnvConfig) -> Changes:
-    return {"sensors": _own_sensors(config) | {"scale": scale}}
+def _sensing(varied: str) -> Callable[[float, EnvConfig], Changes]:
+    """An option of the sensors, which are those of training; "mems" where these are perfect."""
 
+    def changes(value: float, config: EnvConfig) -> Changes:
+        own = config.perceived()
+        given = {"like": "mems"} if own is None else asdict(own)
+        return {"sensors": given | {"scale": 1.0, "contact_errors": 0.0} | {varied: value}}
 
-def _mistaken(share: float, config: EnvConfig) -> Changes:
-    return {"sensors": _own_sensors(config) | {"contact_errors": share}}
-
-
-def _own_sensors(config: EnvConfig) -> Changes:
-    """Those of training; "mems" where these are perfect."""
-    own = config.perceived()
-    varied = ("scale", "contact_errors")
-    given = {"like": "mems"} if own is None else asdict(own)
-    return {name: value for name, value in given.items() if name not in varied}
+    return changes
 
 
 def _ahead(heights: float, config: EnvConfig) -> Changes:
@@ -149,19 +131,17 @@ def _ahead(heights: float, config: EnvConfig) -> Changes:
     return {"randomisation": {"model_com_ahead": (metres, metres)}}
 
 
-def _sloping(degrees: float, config: EnvConfig) -> Changes:
-    return _uneven("slopes", float(np.tan(np.radians(degrees))), config)
+def _uneven(kind: str) -> Callable[[float, EnvConfig], Changes]:
+    """A kind of ground; slopes are told in degrees, and are tangents."""
 
+    def changes(value: float, config: EnvConfig) -> Changes:
+        if value == 0.0:
+            return {"terrain": "flat", "curriculum": False}
+        size = float(np.tan(np.radians(value))) if kind == "slopes" else value
+        difficulty = min(size / hardest(kind, config.load_robot()), 1.0)
+        return {"terrain": kind, "difficulty": difficulty, "curriculum": False}
 
-def _rough(heights: float, config: EnvConfig) -> Changes:
-    return _uneven("roughness", heights, config)
-
-
-def _uneven(kind: str, size: float, config: EnvConfig) -> Changes:
-    if size == 0.0:
-        return {"terrain": "flat", "curriculum": False}
-    difficulty = min(size / hardest(kind, config.load_robot()), 1.0)
-    return {"terrain": kind, "difficulty": difficulty, "curriculum": False}
+    return changes
 
 
 def _steepest(config: EnvConfig) -> float:
@@ -202,7 +182,7 @@ FACTORS = (
         "mass of the robot",
         "against its own",
         _THIRD,
-        _scaled("total_mass"),
+        _fixed("total_mass", nominal=1.0),
         "All masses and inertias of the robot are larger or smaller by this share. No controller "
         "knows.",
         nominal=0.0,
@@ -223,7 +203,7 @@ FACTORS = (
         "delay of the actions",
         "ms",
         (0.0, 8.0, 16.0, 24.0, 32.0, 40.0),
-        _late,
+        _fixed("action_delay", 1e-3),
         "Time from the choice of an action to its arrival at the action layer, which itself runs "
         "without delay. A policy step is 20 ms long in all our environments.",
         nominal=0.0,
@@ -243,7 +223,7 @@ FACTORS = (
         "delay of the inner loop",
         "ms",
         (0.0, 2.5, 5.0, 10.0, 15.0, 20.0),
-        _latent,
+        _fixed("loop_delay", 1e-3),
         "Time from the state that an action layer sees to the torque that answers it. No layer "
         "knows. Policies learn without it.",
         nominal=0.0,
@@ -272,7 +252,7 @@ FACTORS = (
         "errors of the sensors",
         "times those of training, or of cheap ones",
         (0.0, 0.5, 1.0, 2.0, 4.0),
-        _noisy,
+        _sensing("scale"),
         "Robots know their state by an estimate from their sensors only, whose noise, biases and "
         'mounting are worse by this factor: those of training, or of "mems" where training had '
         "perfect ones.",
@@ -282,7 +262,7 @@ FACTORS = (
         "wrong contacts",
         "share of the time for which a foot's sensor is wrong",
         (0.0, 0.05, 0.1, 0.2, 0.3),
-        _mistaken,
+        _sensing("contact_errors"),
         "The sensor of each foot tells the wrong thing for this share of the time, 20 ms at a "
         'time; the other sensors are those of training, or "mems".',
     ),
@@ -291,7 +271,7 @@ FACTORS = (
         "slopes",
         "degrees",
         (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
-        _sloping,
+        _uneven("slopes"),
         "Hills of four even sides; episodes begin on their level tops.",
         nominal=0.0,
         most=_steepest,
@@ -302,7 +282,7 @@ FACTORS = (
         "rough ground",
         "bumps over the height of the centre of mass",
         (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
-        _rough,
+        _uneven("roughness"),
         "Random heights, evenly joined; episodes begin on a level place among them.",
         nominal=0.0,
         most=_roughest,
@@ -313,7 +293,7 @@ FACTORS = (
         "mass in the controller's model",
         "against the robot's",
         _THIRD,
-        _scaled("model_total_mass"),
+        _fixed("model_total_mass", nominal=1.0),
         "All masses and inertias in the model that model-based layers compute with are wrong by "
         "this share.",
         nominal=0.0,
@@ -324,7 +304,7 @@ FACTORS = (
         "inertia in the controller's model",
         "against the robot's",
         _THIRD,
-        _scaled("model_inertia"),
+        _fixed("model_inertia", nominal=1.0),
         "The rotational inertias of all bodies in that model are wrong by this share; their masses "
         "are right.",
         nominal=0.0,

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from rich.markup import escape
 from rich.table import Table
 
+from eval.page.docs import markdown_table
 from eval.results import Estimate
 from eval.robustness.curves import Along, Robustness
 from eval.robustness.factors import FACTORS, Factor
@@ -101,12 +102,5 @@ def markdown(found: Robustness) -> str:
     """Return the areas as Markdown."""
     parts = []
     for measure in found.measures:
-        heads, rows = summary(found, measure)
-        lines = [
-            heading(measure) + ":",
-            "",
-            f"| {' | '.join(heads)} |",
-            "| --- |" + " ---: |" * (len(heads) - 1),
-        ]
-        parts.append("\n".join(lines + [f"| {' | '.join(row)} |" for row in rows]))
+        parts.append(f"{heading(measure)}:\n\n{markdown_table(*summary(found, measure), left=1)}")
     return "\n\n".join(parts)

@@ -14,12 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from eval.files import check_folder, write
-from eval.rollout import Player
+from eval.rollout import Player, play_player
 from eval.study.cells import policy_digest
 from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
-from train.environments import make_envs, step_seconds
-from train.episodes import play
 from train.evaluation import summary
 from train.progress import Tell
 from train.runs.study import Cell, Study, arms
@@ -141,12 +139,7 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
 def _played(wanted: _Wanted) -> dict[str, str]:
     """Play what is to be known, and return it as columns of what is kept."""
     player = Player.of_cell(wanted.cell)
-    envs = make_envs(player.env_id, player.make_args, wanted.episodes)
-    try:
-        actor = player.actor(envs.single_observation_space, envs.single_action_space)
-        episodes = play(envs, actor, wanted.episodes, wanted.seed, step_seconds(envs))
-    finally:
-        envs.close()
+    episodes = play_player(player, wanted.episodes, wanted.seed, wanted.episodes)
     means = summary(episodes)
     row = {"policy": policy_digest(wanted.cell)} | {name: repr(means[name]) for name in _MEASURED}
     for column, name in _EACH.items() if wanted.episodes <= _MOST_KEPT else ():

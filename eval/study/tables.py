@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from eval.page.colours import colours_of
+from eval.page.docs import markdown_table
 from eval.page.figures import Series, panel, sheet
 from eval.results import Estimate, greatest_return
 from eval.statistics import first_crossing
@@ -109,7 +110,7 @@ def table(study: Study) -> str:
     (played, _), levels = fresh.kept(study), fresh.levels(study)
     head = (*_HEAD, "Steps to the best return without training") if levels else _HEAD
     head = (*head, "Falls in fresh episodes") if played else head
-    lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
+    rows = []
     for arm in arms(study):
         its = levels.get(arm.cells[0].config.folder.name)
         cells = [environment_name(arm.env), arm.name]
@@ -120,8 +121,8 @@ def table(study: Study) -> str:
             runs = [cell.config.folder.name for cell in arm.cells]
             known = [played[run] for run in runs if run in played]
             cells.append(str(fresh.Falls.of(known)) if known else "–")
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return markdown_table(head, rows)
 
 
 def _trained(arm: Arm) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from eval.page.docs import POLICIES_PAGE, splice
+from eval.page.docs import POLICIES_PAGE, markdown_table, splice
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.policy import Measured, Shipped, shipped
@@ -31,21 +31,22 @@ def cards(policies: Sequence[Shipped]) -> str:
     """Return the cards as Markdown: a table of what they do, and how each was trained."""
     if not policies:
         return "None yet."
-    lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
+    rows = []
     for each in policies:
         policy, card = each.policy, each.card
-        cells = [
-            f"`{each.name}`",
-            policy.algorithm.upper(),
-            steps_text(policy.trained_steps),
-            f"{card.wall_seconds / 60:.0f}",
-            *(
-                _written(card.metrics.get(name))
-                for name in ("velocity_error", "survived", "returned", "cost_of_transport")
-            ),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join([*lines, *(f"\n{_training(each)}" for each in policies)])
+        rows.append(
+            [
+                f"`{each.name}`",
+                policy.algorithm.upper(),
+                steps_text(policy.trained_steps),
+                f"{card.wall_seconds / 60:.0f}",
+                *(
+                    _written(card.metrics.get(name))
+                    for name in ("velocity_error", "survived", "returned", "cost_of_transport")
+                ),
+            ]
+        )
+    return "\n".join([markdown_table(_HEAD, rows), *(f"\n{_training(each)}" for each in policies)])
 
 
 def _written(value: Measured | None) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 import tyro
 
-from eval.page.docs import RELIABILITY_PAGE, splice, spliced
+from eval.page.docs import RELIABILITY_PAGE, markdown_table, splice, spliced
 from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive
@@ -128,7 +128,7 @@ _HEAD = (
 
 def rows(found: list[Soaked]) -> list[str]:
     """Return the lines of the table."""
-    lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
+    lines = []
     for one in found:
         growth = f"{100 * one.growth:+.2f} %{'' if one.held else ' (missed)'}"
         cells = [f"`{one.layer}`", f"{one.steps:,}", f"{one.ticks:,}", str(one.lost)]
@@ -136,8 +136,8 @@ def rows(found: list[Soaked]) -> list[str]:
         cells += [f"{one.last.memory / 2**20:.0f}", growth]
         cells += [f"{one.first.files} → {one.last.files}"]
         cells += [f"{one.first.threads} → {one.last.threads}"]
-        lines.append(f"| {' | '.join(cells)} |")
-    return lines
+        lines.append(cells)
+    return markdown_table(_HEAD, lines).splitlines()
 
 
 def main(config: SoakConfig) -> int:

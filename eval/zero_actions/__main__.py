@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eval.files import check_output, write
-from eval.page.docs import DOCS, command_block, splice, spliced
+from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
 from fbid_gym.__main__ import called
@@ -77,7 +77,7 @@ def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
         check_output(file, "csv", (".csv",))
     rows = list(measured(todo, table, file, config.overwrite))
     head, *lines = short(table, rows)
-    text = "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines))
+    text = markdown_table(head, lines)
     print(f"\n{text}")
     if config.write_docs:
         splice(page, f"{said(table, rows, page)}\n\n{command_block(command)}\n\n{text}")

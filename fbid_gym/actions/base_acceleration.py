@@ -16,7 +16,7 @@ from fbid_gym.actions.gains import (
 )
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import scaled_names
-from fbid_gym.control.body_law import stabilise
+from fbid_gym.control.body_law import Command, stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.motions.target import MotionKind
@@ -112,15 +112,15 @@ class BaseAcceleration(LawLayer):
         """See `ActionLayer.torque`."""
         known = terms()
         set_priority(action, memory)
-        command = stabilise(self.law.constants, self.scale * action[:, :6], state, target, known)
+        command = Command.to_target(self.scale * action[:, :6])
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
         self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
     ) -> np.ndarray:
         """Return the acceleration that it asks of the body, (N, 3) m/s^2, world."""
-        command = stabilise(self.law.constants, self.scale * action[:, :6], state, target, terms)
-        return command.body[:, :3]
+        command = Command.to_target(self.scale * action[:, :6])
+        return stabilise(self.law.constants, command, state, target, terms).body[:, :3]
 
 
 def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:

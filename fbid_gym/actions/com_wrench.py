@@ -18,10 +18,9 @@ from fbid_gym.actions.gains import (
 from fbid_gym.actions.law import Law, LawLayer, no_lighter
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
-from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
-from fbid_gym.control.body_law import Command, LawConstants, stabilise
+from fbid_gym.control.body_law import NONE, Command, stabilise
 from fbid_gym.control.momentum_balance import PostureGains
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
@@ -157,7 +156,8 @@ class ComWrench(LawLayer):
         if isinstance(self.law, BalanceLaw):
             return self.law.torque(action, state, target, known, memory)
         set_priority(action, memory)
-        command = _push(self.law.constants, self.scale * action[:, :6], state, target, known)
+        push = self.scale * action[:, :6]
+        command = Command(NONE, np.zeros(push.shape), push)
         return self.law.torque(command, state, target, known, memory)
 
     def desired(
@@ -168,7 +168,8 @@ class ComWrench(LawLayer):
             return self.law.desired(action, state, target, terms)
         push = self.scale * action[:, :6]
         added = np.concatenate([push[:, :3] / self.law.robot.mass, 0.0 * push[:, 3:]], axis=1)
-        return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
+        command = Command.to_target(added)
+        return stabilise(self.law.constants, command, state, target, terms).body[:, :3]
 
 
 def _papers_frequencies(
@@ -206,28 +207,6 @@ def papers_gains(
     # Derived along the trunk's axes, and meant along the base's.
     own = base_from_trunk(robot)
     return replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
-
-
-@kernel
-def _push(
-    law: LawConstants,
-    push: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-) -> Command:
-    """The momentum changes as the target's does, with springs and dampers, and what is pushed."""
-    even = stabilise(law, np.zeros(push.shape), state, target, terms)
-    _rise_and_turn(target.qacc, even.body)
-    return Command(even.reference, even.body, push)
-
-
-@compiled
-def _rise_and_turn(qacc: np.ndarray, body: np.ndarray) -> None:
-    """Have the base's height and rotation accelerate as the target's, and no more."""
-    for i in range(len(body)):
-        for k in range(2, 6):
-            body[i, k] = qacc[i, k]
 
 
 def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import scipy.linalg
 
+from fbid_gym.actions.joint_motion import JointTarget
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.contacts import point_jacobian
@@ -14,7 +15,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number
-from fbid_gym.quantities import RobotState, Target
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
 SERVO = "servo"
@@ -111,7 +112,7 @@ def feedback(
     added_rate: np.ndarray,
     held: np.ndarray,
     state: RobotState,
-    target: Target,
+    target: JointTarget,
 ) -> np.ndarray:
     """Return held + K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n).
 

@@ -83,8 +83,7 @@ class JointMotion:
         """Return the target with what base and joints shall do for it."""
         if self.legs is None:
             return target
-        found = _find_joints(self.legs, target, state, terms)
-        return target._replace(qpos=found.qpos, qvel=found.qvel, qacc=found.qacc)
+        return target._replace(**find_joints(self.legs, target, state, terms)._asdict())
 
 
 class LegJoints(NamedTuple):
@@ -166,23 +165,28 @@ class WayLeft(NamedTuple):
     acceleration: np.ndarray
 
 
-class _Found(NamedTuple):
-    """What base and joints shall do, see `Target`."""
+class JointTarget(NamedTuple):
+    """What of a `Target` base and joints shall do."""
 
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
 
+    @classmethod
+    def of(cls, target: Target) -> "JointTarget":
+        """Return it of a target that says so."""
+        return cls(target.qpos, target.qvel, target.qacc)
+
 
 @kernel
-def _find_joints(
+def find_joints(
     legs: LegJoints, target: Target, state: RobotState, terms: DynamicsTerms
-) -> _Found:
+) -> JointTarget:
     """Return what the joints shall do for a gait, with the body's motion for that of the base."""
     count, size = state.qvel.shape
     feet, most = legs.own.shape
     rows = legs.rows
-    found = _Found(state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size)))
+    found = JointTarget(state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size)))
     body = WayLeft(np.zeros(6), np.zeros(6), np.zeros(6))
     as_is = WayLeft(np.zeros(6), np.empty(6), body.acceleration)
     led = WayLeft(np.zeros(6), body.rate, body.acceleration)

@@ -20,9 +20,10 @@ from fbid_gym.actions.joint_gains import (
     servo_fault,
     servos_carry,
 )
-from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.actions.joint_motion import JointMotion, JointTarget, LegJoints, find_joints
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, TargetScale
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind, home_target
@@ -146,13 +147,27 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        followed, held = self.home, self.hold[None]
-        if followed is None:
-            followed = self.motion.target(state, target, terms())
-        if self.carries is not None:
-            held = carry(self.carries, target, terms())
-        added, rate = self.scale * action, np.zeros((1, len(self.hold)))
-        return feedback(self.gains, added, rate, held, state, followed)
+        held = self.hold[None] if self.carries is None else carry(self.carries, target, terms())
+        added = self.scale * action
+        if self.motion.legs is not None:
+            return _place_feet(self.motion.legs, self.gains, added, held, state, target, terms())
+        still, followed = np.zeros((1, len(self.hold))), JointTarget.of(self.home or target)
+        return feedback(self.gains, added, still, held, state, followed)
+
+
+@kernel
+def _place_feet(
+    legs: LegJoints,
+    gains: JointGains,
+    added: np.ndarray,
+    held: np.ndarray,
+    state: RobotState,
+    target: Target,
+    terms: DynamicsTerms,
+) -> np.ndarray:
+    """Return the torques (N, n) N·m of `feedback` to the joints that place the feet of a gait."""
+    still, followed = np.zeros((1, added.shape[1])), find_joints(legs, target, state, terms)
+    return feedback(gains, added, still, held, state, followed)
 
 
 def _gains(

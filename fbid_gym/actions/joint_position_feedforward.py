@@ -9,7 +9,7 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
 from fbid_gym.actions.joint_gains import JointGains, LoopDelay, feedback
-from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.actions.joint_motion import JointMotion, JointTarget
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.ranges import DampingRatio, Falling, Frequency, Hertz, TargetScale, in_hertz
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
@@ -157,7 +157,8 @@ class JointPositionFeedforward(LawLayer):
         balance = np.array(self.balance or ())
         command = _follow(balance, offset, followed, known)
         torque = self.law.torque(command, state, target, known, memory)
-        torque = feedback(self.gains, offset.value, offset.rate, torque, state, followed)
+        joints = JointTarget.of(followed)
+        torque = feedback(self.gains, offset.value, offset.rate, torque, state, joints)
         move_on(self.offset, action, own)
         return torque
 

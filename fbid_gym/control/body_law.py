@@ -79,6 +79,9 @@ from fbid_gym.quantities import (
 )
 from fbid_gym.small_matrices import copy, dot, times
 
+NONE = np.empty((0, 6))
+"""What a `Command` leaves out."""
+
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 
 
@@ -126,7 +129,9 @@ class Command(NamedTuple):
     """What a layer asks of N robots at a tick.
 
     Attributes:
-        reference: (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2.
+        reference: (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2. (0, 6):
+            those of `stabilise`, to whose `body` this one adds; with a push the base's height and
+            rotation accelerate as the target's.
         body: (N, m) accelerations of the body that go before these, m of 0, 2 or 6: of the centre
             of mass in the world's x and y (m/s^2), of the base's height (m/s^2), and of its
             rotation (rad/s^2, base's axes).
@@ -137,6 +142,11 @@ class Command(NamedTuple):
     reference: np.ndarray
     body: np.ndarray
     push: np.ndarray
+
+    @classmethod
+    def to_target(cls, added: np.ndarray) -> "Command":
+        """Return that which brings robots to their target, with what (N, 6) adds to `body`."""
+        return cls(NONE, added, NONE)
 
 
 class LawMemory(NamedTuple):
@@ -189,6 +199,7 @@ def torque_within_limits(
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
     torque, start, nearness = np.empty((count, size - 6)), np.empty(6), np.empty(6)
+    command = stabilise(law, command, state, target, terms)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
         for k in range(6):
@@ -285,6 +296,7 @@ def desired_acceleration(
     motion = room_to_move(law.limbs, law.geometry)
     carried = room_to_move(law.limbs, law.geometry)
     desired = np.empty(terms.bias.shape)
+    command = stabilise(law, command, state, target, terms)
     for i in range(len(desired)):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
         put_together(law.limbs, work, motion)
@@ -507,12 +519,12 @@ def _target_spin(target: Target, terms: DynamicsTerms, i: int) -> Vector:
 @kernel
 def stabilise(
     law: LawConstants,
-    added: np.ndarray,
+    command: Command,
     state: RobotState,
     target: Target,
     terms: DynamicsTerms,
 ) -> Command:
-    """Return the command that brings robots back to their target.
+    """Return a command with a reference: if it has none, that which brings robots to their target.
 
     The body by its accelerations, horizontally of the centre of mass, else of the base:
 
@@ -522,15 +534,18 @@ def stabilise(
 
     Args:
         law: of the robots.
-        added: (N, 6) m/s^2 along the heading, and rad/s^2 in the base's axes.
+        command: its `body` (N, 6) is what is added: m/s^2 along the heading, and rad/s^2 in the
+            base's axes.
         state: of the robots.
         target: what they shall do.
         terms: of the robots.
     """
+    if len(command.reference) > 0:
+        return command
     count, size = state.qvel.shape
-    command = Command(np.zeros((count, size)), np.empty((count, 6)), np.empty((0, 6)))
-    _stabilise(law, added, state, target, terms, command)
-    return command
+    found = Command(np.zeros((count, size)), np.empty((count, 6)), command.push)
+    _stabilise(law, command.body, state, target, terms, found)
+    return found
 
 
 @compiled
@@ -573,3 +588,6 @@ def _stabilise(
             rate = spin[k] - state.qvel[i, 3 + k]
             body[i, 3 + k] = target.qacc[i, 3 + k] + gains.rotation * left[k]
             body[i, 3 + k] += gains.rotation_damping * rate + added[i, 3 + k]
+        if len(command.push) > 0:
+            for k in range(2, 6):
+                body[i, k] = target.qacc[i, k]

@@ -216,13 +216,15 @@ class EnvBatch:
         clipped = clip(action)
         pushed = self._act(action)
         lost = self._effort.lost | self.simulation.diverged()
-        self._retire(np.flatnonzero(lost))
+        some_lost = np.count_nonzero(lost)
+        if some_lost:
+            self._retire(np.flatnonzero(lost))
         self._add_up()
         outcome = self._outcome(self._effort)
         measured, known = self._measures(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
         seen = self.observer.observe(known, measured)
-        if np.count_nonzero(lost):
+        if some_lost:
             self._show_last_seen(lost, shares, metrics, seen)
         reward = answers.summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
@@ -316,10 +318,9 @@ class EnvBatch:
         tiles = self.terrain.tiles
         return {"terrain_kind": tiles.kind(self._state.qpos[:, :2])} if tiles.kinds.size else {}
 
-    def _look(self) -> RobotState:
-        """Return where the robots are, in arrays of our own."""
+    def _look(self) -> None:
+        """Note where the robots are, in arrays of our own; after a tick, the simulation does."""
         self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
-        return self._state
 
     def _add_up(self) -> None:
         """Add the way and the energy of a policy step to those of the episodes."""
@@ -328,12 +329,10 @@ class EnvBatch:
         self._sums["energy"] += self._effort.power / rates.control
 
     def _outcome(self, effort: Effort) -> Outcome:
-        return self.loop.outcome(self._look(), self.simulation.terms(), effort, self._sums)
+        return self.loop.outcome(self._state, self.simulation.terms(), effort, self._sums)
 
     def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
-        if len(ids) == 0:
-            return
         self._effort.power[ids] = 0.0  # velocities that nobody trusts have a part in it
         home = np.tile(self.robot.home_qpos, (len(ids), 1))
         home[:, :2] += self.terrain.starts[0]
@@ -344,8 +343,9 @@ class EnvBatch:
 
     def _begin(self, ids: np.ndarray) -> None:
         """Have robots `ids` (K,) estimate, forget and plan anew where they are."""
+        self._look()
         if self.perception is not None:
-            self.perception.begin(ids, self._look())
+            self.perception.begin(ids, self._state)
             self.simulation.note_change(ids)
         self.loop.begin(ids, some_of(self.plant.terms(), ids))
 

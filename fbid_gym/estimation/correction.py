@@ -31,13 +31,14 @@ from fbid_gym.estimation.invariant_filter import (
     turn_quaternion,
 )
 from fbid_gym.estimation.legs import Legs, place_foot, turning
+from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.restart import begin_anew, has_gone_wrong
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.quantities import RobotState
 
 
 @kernel
-def correct(
+def update(
     own: Filter,
     legs: Legs,
     readings: Readings,
@@ -45,7 +46,9 @@ def correct(
     belief: Belief,
     seen: RobotState,
 ) -> None:
-    """Correct the estimate by where the standing feet are seen, and write it as a robot's state.
+    """Go on with the estimate by a tick, and write it as a robot's state.
+
+    It is predicted, but for robots that are lost, and corrected by where standing feet are seen.
 
     Args:
         own: constants.
@@ -55,6 +58,7 @@ def correct(
         belief: updated.
         seen: the state that it means, without the tick; written.
     """
+    predict(own, readings, which, belief)
     joints, feet = legs.joint.shape[1], legs.joint.shape[0]
     size = D + 3 * feet
     axis, arm = np.empty((joints, 3)), np.empty((joints, 3))

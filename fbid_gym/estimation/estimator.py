@@ -10,22 +10,21 @@ import numpy as np
 
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
 from fbid_gym.estimation.contact_torques import TorqueSense, find_loads
-from fbid_gym.estimation.correction import correct
+from fbid_gym.estimation.correction import update
 from fbid_gym.estimation.filter_constants import filter_of
 from fbid_gym.estimation.invariant_filter import Belief
 from fbid_gym.estimation.legs import legs_of, mounting_of
-from fbid_gym.estimation.linear_filter import correct_linear, predict_linear
-from fbid_gym.estimation.prediction import predict
+from fbid_gym.estimation.linear_filter import update_linear
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.estimation.sensors import Sensors
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
 
 _FILTERS = {
-    "invariant": (predict, correct, lambda feet: 15 + 3 * feet),
-    "linear": (predict_linear, correct_linear, lambda feet: 4 + feet),
+    "invariant": (update, lambda feet: 15 + 3 * feet),
+    "linear": (update_linear, lambda feet: 4 + feet),
 }
-"""Name -> what predicts, what corrects, and the size of its covariance."""
+"""Name -> what updates it at a tick, and the size of its covariance."""
 
 
 class Estimator:
@@ -51,7 +50,7 @@ class Estimator:
         self._filter = filter_of(sensors, robot, self.mounting, hz)
         self.threshold = self._filter.threshold
         self.readings = Readings.none(count, joints, feet)
-        self._predict, self._correct, size = _FILTERS[sensors.estimator]
+        self._update, size = _FILTERS[sensors.estimator]
         self.belief = Belief.none(count, feet, size(feet))
         force = np.zeros((count, robot.num_points, 3))
         home = np.tile(robot.home_qpos, (count, 1))
@@ -84,7 +83,7 @@ class Estimator:
         which[ids] = True
         belief.felt[ids] = self.readings.accelerometer[ids]
         self._loads[ids] = self.readings.load[ids]
-        self._correct(self._filter, self._legs, self.readings, which, belief, self.state)
+        self._update(self._filter, self._legs, self.readings, which, belief, self.state)
 
     def prepare(self, terms: Callable[[], DynamicsTerms]) -> None:
         """Keep the terms of the controllers' model at the beginning of a tick, if they are used."""
@@ -99,9 +98,8 @@ class Estimator:
         """
         if self._torque_sense is not None:
             self._feel(self._torque_sense, torque, self._terms)
-        own, which = self._filter, self._all
-        self._predict(own, self.readings, which, self.belief)
-        self._correct(own, self._legs, self.readings, which, self.belief, self.state)
+        own, legs = self._filter, self._legs
+        self._update(own, legs, self.readings, self._all, self.belief, self.state)
 
     def _feel(self, own: TorqueSense, torque: np.ndarray, terms: DynamicsTerms) -> None:
         """Tell the feet's loads from the torques, in place of sensors."""

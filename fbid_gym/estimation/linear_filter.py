@@ -48,8 +48,8 @@ R, BG, V, P, D = 0, 1, 2, 3, 4
 """Where in the covariance of one axis the parts begin; d_i stands at D + i."""
 
 
-@kernel
-def predict_linear(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) -> None:
+@compiled
+def _predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) -> None:
     """Integrate what the inertial unit read over a tick, and observe the attitude by it.
 
     Args:
@@ -112,7 +112,7 @@ def _spread(own: Filter, belief: Belief, i: int) -> None:
 
 
 @kernel
-def correct_linear(
+def update_linear(
     own: Filter,
     legs: Legs,
     readings: Readings,
@@ -120,16 +120,8 @@ def correct_linear(
     belief: Belief,
     seen: RobotState,
 ) -> None:
-    """Correct the estimate by where the standing feet are seen, and write it as a robot's state.
-
-    Args:
-        own: constants.
-        legs: of the robots.
-        readings: of the robots.
-        which: (N,) bool, robots to go on with.
-        belief: updated.
-        seen: the state that it means, without the tick; written.
-    """
+    """Go on with the estimate by a tick, see `correction.update`."""
+    _predict(own, readings, which, belief)
     joints, feet = legs.joint.shape[1], legs.joint.shape[0]
     axis, arm, away = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((feet, 3))
     column, noise, fresh = np.empty(D + feet), np.empty(feet), np.empty(feet, np.bool_)

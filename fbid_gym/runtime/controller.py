@@ -22,7 +22,7 @@ from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort, add_power, limit
-from fbid_gym.runtime.given import checked_action, checked_command
+from fbid_gym.runtime.given import checked_action, checked_command, clip
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing
@@ -245,9 +245,10 @@ class Controller:
             self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
             just_begun = np.zeros(1, int) if ticks == 0 else None
             seen = loop.observer.observe(self.measured, self.measured, just_begun)
-            action = self.policy(seen)
-            action = checked_action(action, (1, loop.num_actions), refuse=False)
-            loop.send(np.clip(action, -1.0, 1.0))
+            action = checked_action(self.policy(seen), (1, loop.num_actions), refuse=False)
+            action = np.array(action, order="C")
+            clip(action)
+            loop.send(action)
             effort.begin()
         torque = loop.torque(tick, state, terms, terms)
         if self.estimator is not None:
@@ -255,7 +256,7 @@ class Controller:
         limit(effort, torque, self.robot.torque_limit)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
-        self._tick += 1
+        self._tick[0] = ticks + 1
         return effort.torque[0].copy()
 
     def _terms(self) -> DynamicsTerms:

@@ -26,6 +26,7 @@ from fbid_gym.tasks.observation import (
     columns,
     entry_bounds,
     entry_names,
+    entry_units,
 )
 
 FULL, BODY = "full", "body"
@@ -103,6 +104,8 @@ class Observer:
         self.bound = bound
         # As large as what is clipped to them: NumPy is faster so.
         self._most = np.tile(bound, (count, 1))
+        self._least, units = -self._most, entry_units(seen)
+        self._units = units if (units != 1.0).any() else None
 
     def observe(self, known: Any, actual: Any, ids: np.ndarray | None = None) -> np.ndarray:
         """Return observations (N, O) float32, clipped.
@@ -114,7 +117,10 @@ class Observer:
                 passed for all.
         """
         parts = [group.function(known) for group in self.seen.values()]
-        seen = self._clipped(self._parts.joined(parts, self._task), 0)
+        joined = self._parts.joined(parts, self._task)
+        if self._units is not None:
+            joined /= self._units
+        seen = self._clipped(joined, 0)
         if "recent" in self.arrays:
             recent = self.arrays["recent"]
             if ids is None:
@@ -130,8 +136,9 @@ class Observer:
         return np.concatenate([seen, told], axis=1)
 
     def _clipped(self, values: np.ndarray, first: int) -> np.ndarray:
-        most = self._most[:, first : first + values.shape[1]]
-        np.minimum(np.maximum(values, -most, out=values), most, out=values)
+        part = slice(first, first + values.shape[1])
+        np.maximum(values, self._least[:, part], out=values)
+        np.minimum(values, self._most[:, part], out=values)
         return values.astype(np.float32)
 
 

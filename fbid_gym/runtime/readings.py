@@ -30,6 +30,7 @@ which the encoders have not read anew.
 """
 
 _FRESH = "fresh"
+_OF_A_STATE = {*SENSORS, TOUCH} - READINGS.keys()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,7 @@ class Reader:
     @staticmethod
     def reads(given: Any) -> bool:
         """Whether readings are given, and not a state that is known by other means."""
-        names = {*SENSORS, TOUCH} - READINGS.keys()
-        return isinstance(given, Mapping) and names.isdisjoint(given)
+        return isinstance(given, Mapping) and _OF_A_STATE.isdisjoint(given)
 
     def take(self, given: Mapping[str, Any], begins: bool) -> None:
         """Check what is given, and write it to the readings of the estimator.
@@ -87,7 +87,7 @@ class Reader:
                 value = found[name] = read(given, name, shape, READINGS[name], self.robot.name)
                 if not isfinite(value.dot(value)):  # as where any of them is not
                     check_finite(name, value)
-        fresh = Flag().check(_FRESH, given.get(_FRESH, True)) or begins
+        fresh = _FRESH not in given or Flag().check(_FRESH, given[_FRESH]) or begins
         angle, rate = found["joint_position"], found.get("joint_velocity")
         if rate is None:
             rate = np.zeros_like(angle) if begins else own.rate[0]

@@ -64,8 +64,7 @@ def _in_own_units(group: Group, units: Units) -> Group:
         f"{name[: unit.start()]}({_OWN[unit[1]]}{unit[2] or ''})" if unit else name
         for name, unit in zip(group.names, found, strict=True)
     )
-    function = group.function
-    return group._replace(names=names, function=lambda measured: function(measured) / size)
+    return group._replace(names=names, unit=size)
 
 
 def _foot_loads(body: Body) -> Group:

@@ -19,12 +19,14 @@ class Group(NamedTuple):
         function: takes what the task measured of N robots, see `Task.measure`, and returns
             (N, number of names). It changes nothing.
         source: how a robot comes by it: `KNOWN`, `MEASURED`, `ESTIMATED` or `FORCES`.
+        unit: what the numbers of the function are divided by; one, or one per entry.
     """
 
     names: tuple[str, ...]
     bound: float
     function: Callable[[Any], np.ndarray]
     source: str = ESTIMATED
+    unit: float | np.ndarray = 1.0
 
     @classmethod
     def of(
@@ -54,6 +56,12 @@ def entry_bounds(groups: Groups) -> np.ndarray:
         [float(group.bound) for group in groups.values()],
         [len(group.names) for group in groups.values()],
     )
+
+
+def entry_units(groups: Groups) -> np.ndarray:
+    """Return what each entry of an observation is divided by: (O,)."""
+    each = [np.broadcast_to(group.unit, len(group.names)) for group in groups.values()]
+    return np.concatenate([*each, np.empty(0)])
 
 
 def columns(groups: Groups) -> dict[str, slice]:

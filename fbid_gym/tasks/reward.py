@@ -1,5 +1,6 @@
 """The reward: a table of weighted terms, each a small function of the measurements."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -45,7 +46,7 @@ def bell(error: np.ndarray, width: float) -> np.ndarray:
 
 def level(cosine: np.ndarray, width: float) -> np.ndarray:
     """Return 1 where an angle is zero, 1/e where it is as large as the width (rad, pi at most)."""
-    return np.exp((cosine - 1.0) / (1.0 - np.cos(min(width, np.pi))))
+    return np.exp((cosine - 1.0) / (1.0 - math.cos(min(width, math.pi))))
 
 
 def upright(measured: Any, width: float) -> np.ndarray:

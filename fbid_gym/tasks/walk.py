@@ -38,7 +38,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.options import Pair, checked
+from fbid_gym.options import Number, Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots.terrain.grid import plane
 from fbid_gym.tasks.body import ANGULAR_VELOCITY, UP, Body, Units
@@ -104,6 +104,7 @@ class Walk(Episode):
         command_ramp: Annotated[tuple[float, float], Pair(0.0, 1e9, "s")] = (0.0, 0.0),
         lowered_range: Annotated[tuple[float, float], Pair(0.0, MOST_LOWERED)] = (0.0, 0.0),
         gait: str | None = None,
+        integral_time: Annotated[float, Number(0.0, 1e6)] = 0.0,
         height_scan: bool = False,
     ) -> "Walk":
         """Build the task.
@@ -122,6 +123,9 @@ class Walk(Episode):
                 an episode, in units of h. Layers follow; the policy sees its height.
             gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
                 biped has but one.
+            integral_time: in which the gait makes up for a lasting error of the velocity, such as a
+                load's, in units of sqrt(h / g): it adds the error's integral, up to a tenth of
+                sqrt(g h), to the command. 0: it does not.
             height_scan: whether the ground is known: its heights around the robot are observed, and
                 feet are set down on it. Otherwise robot and policy are blind.
         """
@@ -131,7 +135,7 @@ class Walk(Episode):
             expected = f"at most {command_interval[0]:g} s, the least command_interval"
             raise InvalidValueError("command_ramp", command_ramp, expected)
         robot, stance = episode.body.robot, episode.body.stance
-        walks = gait_of(robot, episode.hz, gait)
+        walks = gait_of(robot, episode.hz, gait, integral_time)
         height = float(stance.home_com[2])
         units = Units.of(robot, height)
         lowered = height * lowered_range[0], height * lowered_range[1]

@@ -49,7 +49,7 @@ class Notes(NamedTuple):
     @classmethod
     def of(cls, memory: Memory) -> "Notes":
         """Return them from the task's memory."""
-        return cls._make(_noted(memory))
+        return cls(*_noted(memory))
 
     def memory(self) -> Memory:
         """Return them as part of the task's memory."""

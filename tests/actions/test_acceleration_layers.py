@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
-from fbid_gym.control.body_law import desired_acceleration, stabilise
+from fbid_gym.control.body_law import Command, desired_acceleration, stabilise
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
@@ -53,7 +53,8 @@ def state_of(simulation):
 
 def asked(layer, action, state, target, terms):
     """The command of `base_acceleration`."""
-    return stabilise(layer.law.constants, layer.scale * action, state, target, terms)
+    command = Command.to_target(layer.scale * action)
+    return stabilise(layer.law.constants, command, state, target, terms)
 
 
 def promised(layer, command, state, target, terms):

@@ -208,6 +208,24 @@ def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_n
         np.testing.assert_allclose(asked[0] - asked[1], expected, atol=1e-6)
 
 
+def test_an_offset_of_the_velocity_would_be_the_same_action_in_other_units(robot, rng):
+    """By the damping; on soles, where the velocity is not damped, it would do nothing."""
+    state, terms = crouched(robot, rng, 0.1)
+    target = target_of(robot, terms, rng)
+    layer, _ = make_layer("base_acceleration", robot, HZ, kind_of(robot))
+    offset, action = rng.normal(size=2), np.zeros((1, 6))
+    moved = target._replace(com_velocity=target.com_velocity.copy())
+    moved.com_velocity[0] += level(target) @ np.append(offset, 0.0)
+    damping = layer.law.constants.gains.balance_damping
+    assert (damping > 0.0) != robot.has_soles
+    action[:, :2] = damping * offset * layer.per_acceleration
+    torques = [
+        layer.torque(own, state, aimed, lambda: terms, layer.memory(1))
+        for own, aimed in ((np.zeros((1, 6)), moved), (action, target))
+    ]
+    np.testing.assert_allclose(*torques, atol=1e-7 * robot.torque_limit.max())
+
+
 @pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])
 def test_the_priority_may_be_the_policys(name, rng):
     """Zero is the layer's own; one more entry of the action is four times it, or a quarter."""

@@ -6,9 +6,25 @@ from pathlib import Path
 import gymnasium
 import mujoco
 import numpy as np
-import pytest
+
+from fbid_gym.robots import Robot, load
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
+GYMNASIUM = {
+    "gymnasium humanoid": ("humanoid.xml", ["left_foot", "right_foot"]),
+    "ant": ("ant.xml", [f"{leg}_ankle_geom" for leg in ("left", "right", "third", "fourth")]),
+}
+
+
+def robot_called(name: str | int) -> Robot:
+    """A robot of ours or of Gymnasium's by its name, or a random tree by its seed."""
+    if isinstance(name, int):
+        return Robot.from_mjcf(random_mjcf(name), RANDOM_FEET)
+    if name in GYMNASIUM:
+        file, feet = GYMNASIUM[name]
+        return Robot.from_mjcf(ASSETS / file, feet)
+    return load(name)
 
 
 def _numbers(values: np.ndarray) -> str:
@@ -111,27 +127,17 @@ def relative_error(actual: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(actual - expected).max() / max(np.abs(expected).max(), 1e-3))
 
 
-@pytest.fixture(scope="session", name="random_mjcf")
-def random_mjcf_fixture() -> Callable[[int], str]:
-    return random_mjcf
+def assert_close(actual: np.ndarray, expected: np.ndarray, scale: np.ndarray | None = None) -> None:
+    """Equal to 1e-9 of the largest entry expected, or of `scale`."""
+    size = np.abs(expected if scale is None else scale).max()
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-9 * size)
 
 
-@pytest.fixture(scope="session", name="random_states")
-def random_states_fixture() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    return random_states
-
-
-@pytest.fixture(scope="session", name="integrate")
-def integrate_fixture() -> Callable[..., np.ndarray]:
-    return integrate
-
-
-@pytest.fixture(scope="session", name="relative_error")
-def relative_error_fixture() -> Callable[[np.ndarray, np.ndarray], float]:
-    return relative_error
-
-
-@pytest.fixture(scope="session", name="gymnasium_assets")
-def gymnasium_assets_fixture() -> Path:
-    """Folder of the MJCF files that gymnasium ships."""
-    return ASSETS
+def rate(
+    robot: Robot, qpos: np.ndarray, qvel: np.ndarray, quantity: Callable[..., np.ndarray]
+) -> np.ndarray:
+    """Rate of quantity(qpos, qvel) at constant qvel, by differences of sixth order."""
+    step = 1e-3
+    path = [quantity(integrate(robot.model, qpos, qvel, k * step), qvel) for k in range(-3, 4)]
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
+    return np.tensordot(weights, path, axes=1)

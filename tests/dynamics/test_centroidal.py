@@ -1,6 +1,6 @@
 """The centroidal momentum and its matrix, against MuJoCo at random states with velocity.
 
-The propositions of [G15] are tested on these terms, from both providers, in
+All rows of the matrix against Pinocchio's, and the propositions of [G15], are in
 `tests/eval/papers/garofalo2015/test_decoupled_dynamics.py`.
 """
 
@@ -11,32 +11,24 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
 from fbid_gym.errors import ShapeError
+from tests.dynamics.models import assert_close, random_states, robot_called
+from tests.postures import posed
 
-EXACT = 1e-9
 COUNT = 6
 RANDOM = (4, 8)  # seeds of random trees with slides, joint offsets and tilted gravity
-RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, *RANDOM])
-def robot(request, random_mjcf):
-    if isinstance(request.param, str):
-        return robots.load(request.param)
-    return robots.Robot.from_mjcf(random_mjcf(request.param), RANDOM_FEET)
+def robot(request):
+    return robot_called(request.param)
 
 
-def assert_close(actual, expected):
-    """Equal to 1e-9 of the largest entry expected."""
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=EXACT * np.abs(expected).max())
-
-
-def test_momentum_is_that_of_the_bodies(robot, random_states):
+def test_momentum_is_that_of_the_bodies(robot):
     qpos, velocity = random_states(robot.model, COUNT)
     body = centroidal_terms(MuJoCoDynamics(robot).terms(qpos, velocity), velocity)
-    data, model = mujoco.MjData(robot.model), robot.model
+    model = robot.model
     for row in range(COUNT):
-        data.qpos[:], data.qvel[:] = qpos[row], velocity[row]
-        mujoco.mj_forward(model, data)
+        data = posed(robot, qpos[row], velocity[row])
         com, momentum = data.subtree_com[robot.base_body], np.zeros(6)
         twist = np.zeros(6)
         for link in np.flatnonzero(model.body_rootid == robot.base_body):
@@ -46,18 +38,7 @@ def test_momentum_is_that_of_the_bodies(robot, random_states):
             momentum[3:] += np.cross(data.xipos[link] - com, linear)
             momentum[3:] += axes @ (model.body_inertia[link] * (axes.T @ twist[:3]))
         assert_close(body.momentum[row], momentum)
-    np.testing.assert_allclose(body.mass, robot.mass, rtol=EXACT)
-
-
-def test_eq_5_linear_rows_are_mass_times_jacobian_of_the_com(robot, random_states):
-    qpos, velocity = random_states(robot.model, COUNT)
-    body = centroidal_terms(MuJoCoDynamics(robot).terms(qpos, velocity), velocity)
-    data, jacobian = mujoco.MjData(robot.model), np.zeros((3, robot.nv))
-    for row in range(COUNT):
-        data.qpos[:] = qpos[row]
-        mujoco.mj_forward(robot.model, data)
-        mujoco.mj_jacSubtreeCom(robot.model, data, jacobian, robot.base_body)
-        assert_close(body.matrix[row, :3], robot.mass * jacobian)
+    np.testing.assert_allclose(body.mass, robot.mass, rtol=1e-9)
 
 
 def test_what_belongs_to_other_robots_is_refused():

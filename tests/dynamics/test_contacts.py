@@ -1,6 +1,5 @@
 """Contact points against MuJoCo's own Jacobians, and fewer rows against all of them."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -14,18 +13,17 @@ from fbid_gym.dynamics.contacts import (
     reduced_contacts,
 )
 from fbid_gym.errors import ShapeError
+from tests.dynamics.models import random_mjcf, random_states, rate, robot_called
+from tests.postures import point_jacobians, points, posed
 
-# One foot of four points far from its body's origin, one of a single sphere, one of two points.
-UNEQUAL_FEET = {"ball": ["ball"], "flat": [f"corner{index}" for index in range(4)]}
 LINE_FEET = {"edge": ["corner0", "corner1"], "ball": ["ball"]}
 
 
-@pytest.fixture(scope="module", params=[*robots.ROBOTS, "unequal", "line"])
-def robot(request, random_mjcf):
-    if request.param in robots.ROBOTS:
-        return robots.load(request.param)
-    feet = {"unequal": UNEQUAL_FEET, "line": LINE_FEET}[request.param]
-    return robots.Robot.from_mjcf(random_mjcf(3), feet)
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, 3, "line"])
+def robot(request):
+    if request.param == "line":
+        return robots.Robot.from_mjcf(random_mjcf(3), LINE_FEET)
+    return robot_called(request.param)
 
 
 @pytest.fixture(scope="module")
@@ -35,25 +33,12 @@ def geometry(robot):
 
 def mujoco_points(robot, qpos, qvel):
     """Positions (P, 3), velocities (P, 3) and Jacobian (3 P, nv) of the contact points."""
-    model = robot.model
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    positions, jacobians = [], []
-    for foot in robot.feet:
-        rotation = data.xmat[foot.body].reshape(3, 3)
-        for point in foot.points:
-            position = data.xpos[foot.body] + rotation @ point - [0.0, 0.0, foot.radius]
-            jacobian = np.zeros((3, model.nv))
-            mujoco.mj_jac(model, data, jacobian, None, position, foot.body)
-            positions.append(position)
-            jacobians.append(jacobian)
-    jacobian = np.concatenate(jacobians)
-    return np.array(positions), (jacobian @ qvel).reshape(-1, 3), jacobian
+    data = posed(robot, qpos)
+    jacobian = point_jacobians(robot, data)
+    return points(robot, data), jacobian @ qvel, jacobian.reshape(-1, robot.nv)
 
 
-def test_points_are_where_mujoco_has_them_and_move_alike(robot, geometry, random_states):
+def test_points_are_where_mujoco_has_them_and_move_alike(robot, geometry):
     qpos, qvel = random_states(robot.model, 4)
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     positions, velocities = point_positions(geometry, terms), point_velocities(geometry, terms)
@@ -65,28 +50,20 @@ def test_points_are_where_mujoco_has_them_and_move_alike(robot, geometry, random
         np.testing.assert_allclose(jacobian[index], expected[2], atol=1e-12)
 
 
-def test_point_bias_is_the_rate_of_point_velocity_at_constant_velocity(
-    robot, geometry, random_states, integrate
-):
+def test_point_bias_is_the_rate_of_point_velocity_at_constant_velocity(robot, geometry):
     qpos, qvel = random_states(robot.model, 3, seed=1)
     _, bias = point_jacobian(geometry, MuJoCoDynamics(robot).terms(qpos, qvel))
-    step = 1e-3
-    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
     for index in range(len(qpos)):
         # The lowered point is found anew at every instant: a sphere rolls.
-        path = [
-            mujoco_points(
-                robot, integrate(robot.model, qpos[index], qvel[index], k * step), qvel[index]
-            )[1]
-            for k in range(-3, 4)
-        ]
-        expected = np.tensordot(weights, path, axes=1).ravel()
+        expected = rate(
+            robot, qpos[index], qvel[index], lambda *state: mujoco_points(robot, *state)[1].ravel()
+        )
         assert np.abs(expected).max() > 0.1
         np.testing.assert_allclose(bias[index], expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.fixture(scope="module")
-def subsets(robot, geometry, random_states):
+def subsets(robot, geometry):
     """Every subset of the contact points, each at a random state of its own."""
     num_points = geometry.num_points
     active = (np.arange(2**num_points)[:, None] >> np.arange(num_points) & 1).astype(bool)
@@ -119,7 +96,7 @@ def test_reduced_rows_stand_for_the_active_points(robot, geometry, subsets):
     np.testing.assert_allclose(reduced.bias, np.matvec(point_map, bias), atol=1e-9)
 
 
-def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
+def test_all_points_at_once_is_the_full_subset(robot, geometry):
     """Without a mask the rows are those of all points, and so is the bias while the feet stand."""
     qpos, qvel = random_states(robot.model, 5, seed=3)
     dynamics = MuJoCoDynamics(robot)
@@ -135,7 +112,7 @@ def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
     np.testing.assert_allclose(free.bias, masked.bias, atol=1e-9)
 
 
-def test_a_mask_of_another_shape_is_an_error(robot, geometry, random_states):
+def test_a_mask_of_another_shape_is_an_error(robot, geometry):
     terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, 2))
     points = geometry.num_points
     with pytest.raises(ShapeError, match=rf"active has shape \(2, 1\). Expected \(2, {points}\)"):

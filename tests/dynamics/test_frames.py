@@ -2,10 +2,9 @@
 
 import mujoco
 import numpy as np
-import pinocchio as pin
-import pytest
 
 from fbid_gym.dynamics import frames
+from tests.dynamics.models import random_mjcf, random_states
 
 ANGLES = [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.0, np.pi - 1e-6, np.pi - 1e-12]
 
@@ -73,23 +72,10 @@ def test_orientation_error_turns_the_first_into_the_second(rng):
 # --- coordinates of the floating base ----------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def model(random_mjcf):
-    return mujoco.MjModel.from_xml_string(random_mjcf(7))
-
-
-@pytest.fixture(scope="module")
-def states(model, random_states):
-    return random_states(model, 20)
-
-
-@pytest.fixture(scope="module")
-def base(states):
-    return frames.quaternion_to_matrix(states[0][:, 3:7])
-
-
-def test_configuration_round_trip(model, states):
-    qpos, _ = states
+def test_configuration_round_trip():
+    """Velocities and their products are held with Pinocchio's model, on every body."""
+    model = mujoco.MjModel.from_xml_string(random_mjcf(7))
+    qpos, _ = random_states(model, 20)
     assert np.abs(model.qpos0[7:]).min() > 1e-3  # `ref` matters here
     q = frames.configuration_to_pinocchio(qpos, model.qpos0)
     back = np.concatenate((q[:, :3], q[:, [6, 3, 4, 5]], q[:, 7:] + model.qpos0[7:]), axis=1)
@@ -97,35 +83,3 @@ def test_configuration_round_trip(model, states):
     unscaled = qpos.copy()
     unscaled[:, 3:7] *= 3.0
     np.testing.assert_allclose(frames.configuration_to_pinocchio(unscaled, model.qpos0), q)
-
-
-def test_velocity_is_the_rate_of_pinocchios_configuration(model, states, base, integrate):
-    """Both libraries agree on what moves when MuJoCo's configuration moves at v."""
-    free_flyer = pin.JointModelFreeFlyer()
-    pin_model = pin.Model()
-    pin_model.addJoint(0, free_flyer, pin.SE3.Identity(), "base")
-    step = 1e-5
-    for qpos, qvel, rotation in zip(*states, base, strict=True):
-        before, after = (
-            frames.configuration_to_pinocchio(integrate(model, qpos, qvel, t), model.qpos0)
-            for t in (-step, step)
-        )
-        rate = pin.difference(pin_model, before[:7], after[:7]) / (2 * step)
-        expected = np.concatenate((rate, (after - before)[7:] / (2 * step)))
-        actual = frames.velocity_to_pinocchio(qvel, rotation)
-        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
-
-
-def test_velocity_product_is_the_rate_of_x_times_v(model, states, base, integrate):
-    step = 1e-5
-    for qpos, qvel, rotation in zip(*states, base, strict=True):
-        before, after = (
-            frames.velocity_to_pinocchio(
-                qvel, frames.quaternion_to_matrix(integrate(model, qpos, qvel, t)[3:7])
-            )
-            for t in (-step, step)
-        )
-        expected = (after - before) / (2 * step)
-        actual = frames.velocity_product(qvel, rotation)
-        assert np.linalg.norm(actual) > 0.1
-        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)

@@ -8,16 +8,15 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.live_terms import LiveTerms
+from tests.dynamics.models import random_states, relative_error, robot_called
 
 EXACT = 1e-9
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, 0, 1, 2, 3])
-def robot(request, random_mjcf):
+def robot(request):
     """Robots and random trees; odd seeds have armature on the free joint."""
-    if isinstance(request.param, str):
-        return robots.load(request.param)
-    return robots.Robot.from_mjcf(random_mjcf(request.param), ["ball"])
+    return robot_called(request.param)
 
 
 def forwarded(model, qpos, qvel):
@@ -28,7 +27,7 @@ def forwarded(model, qpos, qvel):
     return data
 
 
-def test_terms_are_mujocos(robot, random_states, relative_error):
+def test_terms_are_mujocos(robot):
     qpos, qvel = random_states(robot.model, 4)
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     base = robot.base_body
@@ -48,7 +47,7 @@ def test_terms_are_mujocos(robot, random_states, relative_error):
             assert relative_error(getattr(terms, name)[index], value) < EXACT, name
 
 
-def test_the_batch_changes_nothing(robot, random_states):
+def test_the_batch_changes_nothing(robot):
     """A robot's terms are the same bits alone and among others, and do not change afterwards."""
     qpos, qvel = random_states(robot.model, 16)
     dynamics = MuJoCoDynamics(robot)
@@ -61,7 +60,7 @@ def test_the_batch_changes_nothing(robot, random_states):
         np.testing.assert_array_equal(getattr(alone, name)[0], ours[5], err_msg=name)
 
 
-def test_robots_of_different_masses(robot, random_states, relative_error, rng):
+def test_robots_of_different_masses(robot, rng):
     """Per-simulation masses, as domain randomisation makes them, enter every term."""
     qpos, qvel = random_states(robot.model, 3)
     batch = mujoco.batch.Batch(robot.model, 3, 1, persistent=True)
@@ -87,7 +86,7 @@ def test_robots_of_different_masses(robot, random_states, relative_error, rng):
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_other_bodies_of_the_world_change_nothing(robot, random_states, count):
+def test_other_bodies_of_the_world_change_nothing(robot, count):
     """The robot comes first in buffers that hold more."""
     spec = robot.spec.copy()
     other = spec.worldbody.add_body(pos=[9.0, 9.0, 9.0])
@@ -106,7 +105,7 @@ def test_other_bodies_of_the_world_change_nothing(robot, random_states, count):
         np.testing.assert_allclose(value, expected, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_bias_has_no_joint_damping(random_states):
+def test_bias_has_no_joint_damping():
     """Damping is the layers' business: h of [M10] has none."""
     robot = robots.load("biped")
     assert (robot.joint_damping > 0.0).all()

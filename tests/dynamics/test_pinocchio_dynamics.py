@@ -2,7 +2,6 @@
 
 import xml.etree.ElementTree as ElementTree
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -11,26 +10,24 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
 from fbid_gym.robots.built_in import asset_path
+from tests.dynamics.models import (
+    GYMNASIUM,
+    RANDOM_FEET,
+    random_mjcf,
+    random_states,
+    relative_error,
+    robot_called,
+)
 
-RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
-GYMNASIUM = {
-    "humanoid": ["left_foot", "right_foot"],
-    "ant": [f"{leg}_ankle_geom" for leg in ("left", "right", "third", "fourth")],
-}
 EXACT = 1e-9
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, *GYMNASIUM, *range(12)])
-def robot(request, random_mjcf, gymnasium_assets):
-    if isinstance(request.param, int):
-        return robots.Robot.from_mjcf(random_mjcf(request.param), RANDOM_FEET)
-    if request.param in GYMNASIUM:
-        path = gymnasium_assets / f"{request.param}.xml"
-        return robots.Robot.from_mjcf(path, GYMNASIUM[request.param])
-    return robots.load(request.param)
+def robot(request):
+    return robot_called(request.param)
 
 
-def assert_same_terms(actual, expected, relative_error):
+def assert_same_terms(actual, expected):
     assert actual._fields == expected._fields
     for name in expected._fields:
         ours, theirs = getattr(actual, name), getattr(expected, name)
@@ -40,66 +37,12 @@ def assert_same_terms(actual, expected, relative_error):
             assert relative_error(row, reference) < EXACT, name
 
 
-def test_providers_agree(robot, random_states, relative_error):
+def test_providers_agree(robot):
+    """What MuJoCo's terms are held to, in the files beside this one, holds for both."""
     states = random_states(robot.model, 5)
     expected = MuJoCoDynamics(robot).terms(*states)
     actual = PinocchioDynamics(robot).terms(*states)
-    assert_same_terms(actual, expected, relative_error)
-
-
-# The law that both must satisfy, from MuJoCo's elementary functions.
-
-
-@pytest.fixture(scope="module")
-def reference_velocity(robot):
-    """(qpos, qvel) -> (F, 6) velocity and (F, 6, nv) Jacobian of every foot's reference."""
-    model = robot.model
-    data = mujoco.MjData(model)
-
-    def evaluate(qpos, qvel):
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        jacobian = np.zeros((robot.num_feet, 6, model.nv))
-        for rows, foot in zip(jacobian, robot.feet, strict=True):
-            centre = data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ foot.points.mean(
-                axis=0
-            )
-            point = centre - [0.0, 0.0, foot.radius]
-            mujoco.mj_jac(model, data, rows[:3], rows[3:], point, foot.body)
-        return jacobian @ qvel, jacobian
-
-    return evaluate
-
-
-def test_foot_bias_is_the_rate_of_foot_velocity_at_constant_velocity(
-    robot, random_states, reference_velocity, integrate
-):
-    states = random_states(robot.model, 3)
-    terms = PinocchioDynamics(robot).terms(*states)
-    step = 1e-3
-    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
-    for index, (qpos, qvel) in enumerate(zip(*states, strict=True)):
-        path = [
-            reference_velocity(integrate(robot.model, qpos, qvel, k * step), qvel)[0]
-            for k in range(-3, 4)
-        ]
-        expected = np.tensordot(weights, path, axes=1)
-        assert np.abs(expected).max() > 0.1
-        np.testing.assert_allclose(terms.foot_bias[index], expected, rtol=1e-7, atol=1e-6)
-
-
-def test_com_moves_as_its_velocity_says(robot, random_states, integrate):
-    qpos, qvel = random_states(robot.model, 3)
-    dynamics = PinocchioDynamics(robot)
-    terms = dynamics.terms(qpos, qvel)
-    step = 1e-4
-    after, before = (
-        np.array([integrate(robot.model, *state, t) for state in zip(qpos, qvel, strict=True)])
-        for t in (step, -step)
-    )
-    rate = dynamics.terms(after, qvel).com - dynamics.terms(before, qvel).com
-    np.testing.assert_allclose(terms.com_velocity, rate / (2 * step), rtol=1e-5, atol=1e-5)
+    assert_same_terms(actual, expected)
 
 
 # --- a nominal model that is off on purpose ------------------------------------------------------
@@ -135,7 +78,7 @@ def bodies_with_inertial(text):
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, 11, 12])
-def nominal_case(request, random_mjcf):
+def nominal_case(request):
     """A robot's MJCF text, the robot, and its feet."""
     if isinstance(request.param, int):
         text = random_mjcf(request.param)
@@ -145,7 +88,7 @@ def nominal_case(request, random_mjcf):
     return asset_path(f"{request.param}.xml").read_text(), robot, feet
 
 
-def test_nominal_model_is_the_edited_robot(nominal_case, random_states, relative_error):
+def test_nominal_model_is_the_edited_robot(nominal_case):
     """Scaled and shifted bodies give what MuJoCo gives for an MJCF written that way."""
     text, robot, feet = nominal_case
     names = bodies_with_inertial(text)
@@ -156,7 +99,7 @@ def test_nominal_model_is_the_edited_robot(nominal_case, random_states, relative
     actual = PinocchioDynamics(robot, mass_scale=scale, com_offset=shift).terms(*states)
     edited = robots.Robot.from_mjcf(edited_mjcf(text, scale, shift), feet)
     expected = MuJoCoDynamics(edited).terms(*states)
-    assert_same_terms(actual, expected, relative_error)
+    assert_same_terms(actual, expected)
     unchanged = MuJoCoDynamics(robot).terms(*states)
     assert relative_error(actual.mass_matrix, unchanged.mass_matrix) > 1e-4
     # The robot itself is left alone.
@@ -164,7 +107,7 @@ def test_nominal_model_is_the_edited_robot(nominal_case, random_states, relative
     np.testing.assert_array_equal(robot.model.body_ipos, before[1])
 
 
-def test_one_scale_for_all_bodies(random_states, relative_error):
+def test_one_scale_for_all_bodies():
     robot = robots.load("biped")
     states = random_states(robot.model, 3)
     terms = PinocchioDynamics(robot).terms(*states)
@@ -203,7 +146,7 @@ def test_bodies_scales_and_offsets_are_checked(biped):
 
 
 @pytest.mark.parametrize("kind", [MuJoCoDynamics, PinocchioDynamics])
-def test_states_are_checked_and_answers_are_the_callers_own(biped, random_states, kind):
+def test_states_are_checked_and_answers_are_the_callers_own(biped, kind):
     dynamics = kind(biped)
     qpos, qvel = random_states(biped.model, 2)
     terms = dynamics.terms(qpos, qvel)

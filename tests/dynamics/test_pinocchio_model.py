@@ -8,20 +8,21 @@ import pytest
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.pinocchio_model import pinocchio_model
 from fbid_gym.errors import RobotError
+from tests.dynamics.models import ASSETS, random_mjcf, random_states, relative_error
 
 MODELS = [*range(12), "humanoid.xml", "humanoidstandup.xml", "ant.xml"]
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 @pytest.fixture(scope="module", params=MODELS)
-def model(request, random_mjcf, gymnasium_assets):
+def model(request):
     if isinstance(request.param, int):
         return mujoco.MjModel.from_xml_string(random_mjcf(request.param))
-    return mujoco.MjModel.from_xml_path(str(gymnasium_assets / request.param))
+    return mujoco.MjModel.from_xml_path(str(ASSETS / request.param))
 
 
 @pytest.fixture(scope="module")
-def states(model, random_states):
+def states(model):
     return list(zip(*random_states(model, 3), strict=True))
 
 
@@ -35,7 +36,7 @@ def to_pinocchio(model, qpos, qvel):
     )
 
 
-def test_bodies_are_mujocos(model, states, relative_error):
+def test_bodies_are_mujocos(model, states):
     """Pose, Jacobian and acceleration at vdot = 0 of every body, welded and static ones too."""
     pin_model = pinocchio_model(model)
     pin_data = pin_model.createData()
@@ -61,7 +62,7 @@ def test_bodies_are_mujocos(model, states, relative_error):
             assert relative_error(np.asarray(actual), rate @ data.qvel) < 1e-9
 
 
-def test_armature_of_actuators_is_in_the_mass_matrix(random_mjcf, random_states):
+def test_armature_of_actuators_is_in_the_mass_matrix():
     """Reflected through the gear, as MuJoCo does."""
     spec = mujoco.MjSpec.from_string(random_mjcf(4))
     for number, actuator in enumerate(spec.actuators):

@@ -1,6 +1,5 @@
 """The feet's frame: it stays where the feet are, wherever the robot stands."""
 
-import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -9,11 +8,12 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 from fbid_gym.dynamics.stance import Stance
-from tests.postures import turned
+from tests.dynamics.models import random_mjcf
+from tests.postures import points, posed, turned
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, "one point"])
-def robot(request, random_mjcf):
+def robot(request):
     if request.param in robots.ROBOTS:
         return robots.load(request.param)
     return robots.Robot.from_mjcf(random_mjcf(3), ["ball"])
@@ -36,15 +36,8 @@ def frames(robot, support, qpos):
 
 def test_at_home_the_frame_is_below_the_robot_and_not_turned(robot, support):
     frame = frames(robot, support, robot.home_qpos[None])
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
-    lowest = [
-        data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ p - [0, 0, foot.radius]
-        for foot in robot.feet
-        for p in foot.points
-    ]
-    centre = np.mean(lowest, axis=0)
+    data = posed(robot)
+    centre = points(robot, data).mean(axis=0)
     np.testing.assert_allclose(frame.centre[0], centre, atol=1e-12)
     np.testing.assert_allclose(frame.world_from_support[0], np.eye(3), atol=1e-12)
     np.testing.assert_allclose(support.home_base, data.xpos[robot.base_body] - centre, atol=1e-12)
@@ -57,8 +50,8 @@ def test_at_home_the_frame_is_below_the_robot_and_not_turned(robot, support):
 def test_the_centre_is_the_mean_of_the_points(robot, support, rng):
     qpos = near_home(robot, rng, 5)
     terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((5, robot.nv)))
-    points = point_positions(contact_geometry(robot), terms)
-    np.testing.assert_allclose(support.frame(terms).centre, points.mean(axis=1), atol=1e-12)
+    found = point_positions(contact_geometry(robot), terms)
+    np.testing.assert_allclose(support.frame(terms).centre, found.mean(axis=1), atol=1e-12)
 
 
 def test_the_frame_goes_with_the_robot(robot, support, rng):

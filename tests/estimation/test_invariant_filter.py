@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from fbid_gym.dynamics.frames import skew
-from fbid_gym.estimation.correction import correct
+from fbid_gym.estimation.correction import update
 from fbid_gym.estimation.invariant_filter import Belief, Filter
 from fbid_gym.estimation.legs import Legs, Mounting
-from fbid_gym.estimation.linear_filter import correct_linear, predict_linear
+from fbid_gym.estimation.linear_filter import update_linear
 from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.quantities import RobotState
@@ -155,13 +155,12 @@ def test_what_the_legs_measure_is_linear_in_the_error(rng):
 
 KINDS = {
     "invariant": (
-        predict,
-        correct,
+        update,
         np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, *[5] * 9]),
     ),
-    "linear": (predict_linear, correct_linear, np.array([0, 3, 1, 2, *[5] * FEET])),
+    "linear": (update_linear, np.array([0, 3, 1, 2, *[5] * FEET])),
 }
-"""Filter -> its two steps, and which of SPREAD the rows of its covariance have."""
+"""Filter -> its step, and which of SPREAD the rows of its covariance have."""
 SPREAD = np.array([0.02, 0.1, 1e-3, 0.02, 0.2, 2e-3])
 
 
@@ -170,7 +169,7 @@ class World:
 
     def __init__(self, count, rng, start=0.0, kind="invariant"):
         self.rng, self.count = rng, count
-        self.predict, self.correct, rows = KINDS[kind]
+        self.update, rows = KINDS[kind]
         self.truth = np.array([somewhere(rng) for _ in range(count)])
         self.truth[:, :3, 3] *= 0.3
         self.gyroscope, self.accelerometer = np.zeros((2, count, 3))
@@ -178,7 +177,7 @@ class World:
         self.readings = Readings.none(count, 3 * FEET, FEET)
         self.seen, self.all = state(count), np.ones(count, bool)
         self.time = 0.0
-        spread = self.spread = start * SPREAD[KINDS["invariant"][2]]
+        spread = self.spread = start * SPREAD[KINDS["invariant"][1]]
         for i in range(count):
             xi = spread * rng.standard_normal(SIZE)
             believe(self.belief, i, exponential(xi) @ self.truth[i], xi[9:12], xi[12:15])
@@ -213,8 +212,7 @@ class World:
         self.filter(own)
 
     def filter(self, own):
-        self.predict(own, self.readings, self.all, self.belief)
-        self.correct(own, LEGS, self.readings, self.all, self.belief, self.seen)
+        self.update(own, LEGS, self.readings, self.all, self.belief, self.seen)
 
 
 def test_a_dense_filter_in_numpy_agrees(rng):

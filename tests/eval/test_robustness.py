@@ -19,10 +19,8 @@ from eval.robustness.wording import headline, leader
 from eval.rollout import Player, play_player
 from fbid_gym.errors import RunError, UnknownOptionError
 from tests.eval.conftest import zero_policy
-from train.runs.folder import RunFolder
-from train.runs.opening import open_run
+from tests.eval.study.small import fill
 from train.runs.study import read_study
-from train.runs.tables import EVALUATIONS, TableWriter
 
 WALK, BALANCE = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedBalance-v0"
 FACTOR = {factor.name: factor for factor in FACTORS}
@@ -149,19 +147,6 @@ action_layer = "joint_position"
 """
 
 
-def finish(cell) -> None:
-    """Write the folder of a run that has trained to its end: its policy is the zero action."""
-    with open_run(cell.config) as run:
-        run.begin()
-        table = TableWriter(run.folder.evaluations, EVALUATIONS, None)
-        for steps in (0, 1000):
-            table.append(dict.fromkeys(EVALUATIONS, 0.0) | {"steps": steps, "episodes": 8})
-        table.close()
-        zero_policy(WALK, SIZES).save(run.folder.policy)
-        progress = RunFolder.of(run.folder.path).progress
-        progress.write_text("steps,return_mean\n1000,1.0\n")
-
-
 def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_action(
     tmp_path, capsys, monkeypatch
 ):
@@ -169,7 +154,7 @@ def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_acti
     file, out = tmp_path / "mine.toml", tmp_path / "new" / "page.html"
     file.write_text(STUDY)
     for cell in read_study(file).cells[:2]:
-        finish(cell)
+        fill(cell, 1.0, 0.1, policy=zero_policy(WALK, SIZES))
     arguments = [str(file), "--zero-action", "joint_position", "--factors", "physics"]
     budget = ["--episodes", "2", "--seconds", "0.1", "--out", str(out)]
     assert main([*arguments, *budget]) == 0
@@ -196,7 +181,7 @@ def test_arms_of_a_study_are_its_own(tmp_path, monkeypatch):
     other = arm.replace('"one"', '"other"') + "env_args = { randomisation = { mass = 0.1 } }\n"
     file.write_text(STUDY.replace("[0, 1, 2]", "[0]") + quiet + other)
     for cell in read_study(file).cells:
-        finish(cell)
+        fill(cell, 1.0, 0.1, policy=zero_policy(WALK, SIZES))
 
     def found(*names: str) -> list[tuple[str, tuple[str, ...]]]:
         arms, _ = gathered(RobustnessConfig(runs=(file,), arms=names))

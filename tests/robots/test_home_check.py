@@ -9,6 +9,7 @@ import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.home_check import friction_of_feet
+from tests.postures import posed
 
 ANIMAL = next(
     animal
@@ -65,9 +66,7 @@ def test_points_above_what_touches() -> None:
 def test_uneven_feet() -> None:
     angles = {f"leg0_{joint}": 0.3 for joint in ("hip_pitch", "knee")}
     robot = Robot.from_mjcf(TEXT, ANIMAL.foot_names, home=angles)
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot)
     heights = [data.body(f"foot{leg}").xpos[2] for leg in range(4)]
     told = [sentence for sentence in robot.check() if "differ by" in sentence]
     assert number(told[0]) == pytest.approx(1e3 * np.ptp(heights), rel=0.2)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.mirror import mirror_of
+from tests.robots.similar import turned
 
 
 def after(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, torque: np.ndarray):
@@ -24,10 +25,14 @@ def after(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, torque: np.ndarray):
     return data.qpos[None], data.qvel[None]
 
 
-@pytest.mark.parametrize("name", ["go1", "quadruped", "biped", "humanoid", "g1", "zoo:5"])
+@pytest.mark.parametrize("name", [*ROBOTS, "front is hind", "zoo:5"])
 def test_mirrored_states_and_torques_come_to_mirrored_states(name, rng):
-    robot = load(name)
+    robot = turned("quadruped", (0, 0, 1), np.pi / 2) if name == "front is hind" else load(name)
     mirror = mirror_of(robot)
+    room = (robot.joint_range - robot.home_qpos[7:, None]).T
+    np.testing.assert_allclose(np.sort(mirror.joints.of(room), axis=0), room, atol=1e-9)
+    for same in (robot.torque_limit, robot.joint_damping):
+        np.testing.assert_allclose(same[mirror.joints.entry], same)
     qpos, qvel = robot.home_qpos[None].copy(), 0.3 * rng.normal(size=(1, robot.nv))
     qpos[:, 3:7] += 0.02 * rng.normal(size=4)
     qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7])

@@ -1,18 +1,15 @@
 """Laws that every robot obeys, whoever wrote its MJCF."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.built_in import GO1, asset_path
-
-GYMNASIUM = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
-ANT_FEET = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+from tests.dynamics.models import GYMNASIUM, robot_called
+from tests.postures import points, posed
 
 BOX_FOOT = """
 <mujoco>
@@ -38,54 +35,20 @@ BOX_FOOT = """
 """
 
 
-def gymnasium_humanoid() -> Robot:
-    return Robot.from_mjcf(GYMNASIUM / "humanoid.xml", ["left_foot", "right_foot"])
-
-
-def ant() -> Robot:
-    return Robot.from_mjcf(GYMNASIUM / "ant.xml", ANT_FEET)
-
-
 def box_foot(folder: Path, names: list[str]) -> Robot:
     path = folder / "box_foot.xml"
     path.write_text(BOX_FOOT)
     return Robot.from_mjcf(path, {"foot": names})
 
 
-ALL: dict[str, Callable[[], Robot]] = {
-    **{name: (lambda name=name: load(name)) for name in ROBOTS},
-    "gymnasium humanoid": gymnasium_humanoid,
-    "ant": ant,
-}
-
-
-@pytest.fixture(params=ALL)
+@pytest.fixture(params=[*ROBOTS, *GYMNASIUM])
 def robot(request: pytest.FixtureRequest) -> Robot:
-    return ALL[request.param]()
+    return robot_called(request.param)
 
 
 @pytest.fixture(params=ROBOTS)
 def own(request: pytest.FixtureRequest) -> Robot:
     return load(request.param)
-
-
-def at(robot: Robot, qpos: np.ndarray) -> mujoco.MjData:
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(robot.model, data)
-    return data
-
-
-def contact_heights(robot: Robot, data: mujoco.MjData) -> np.ndarray:
-    """Height of the lowest point of every contact point, from the geoms' own world poses."""
-    return np.concatenate(
-        [
-            data.xpos[foot.body][2]
-            + (data.xmat[foot.body].reshape(3, 3) @ foot.points.T)[2]
-            - foot.radius
-            for foot in robot.feet
-        ]
-    )
 
 
 def ground_forces(robot: Robot, data: mujoco.MjData) -> np.ndarray:
@@ -107,7 +70,7 @@ def hold(
     push: tuple[float, float, float] = (0, 0, 0),
 ) -> mujoco.MjData:
     """Joint PD about home at 500 Hz, with a constant force on the base."""
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     data.xfrc_applied[robot.base_body, :3] = push
     for _ in range(int(seconds / robot.model.opt.timestep / 2)):
         error = robot.home_qpos[7:] - data.qpos[7:]
@@ -149,7 +112,7 @@ def test_what_a_robot_says_of_itself(robot: Robot) -> None:
     assert robot.weight == pytest.approx(9.81 * robot.mass)
     assert (model.body_weldid[model.geom_bodyid] == 0).sum() == 1  # one ground
     # It stands on it, within the ranges of its joints.
-    assert contact_heights(robot, at(robot, robot.home_qpos)).min() == pytest.approx(0, abs=1e-12)
+    assert points(robot, posed(robot))[:, 2].min() == pytest.approx(0, abs=1e-12)
     low, high = robot.joint_range.T
     assert ((low <= robot.home_qpos[7:]) & (robot.home_qpos[7:] <= high)).all()
     assert np.linalg.norm(robot.home_qpos[3:7]) == pytest.approx(1.0)
@@ -160,7 +123,7 @@ def test_what_a_robot_says_of_itself(robot: Robot) -> None:
 
 def test_ctrl_gives_the_torque_of_the_joint(robot: Robot, rng: np.random.Generator) -> None:
     torque = rng.uniform(-1, 1, robot.num_joints) * robot.torque_limit
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     data.ctrl[robot.actuator] = torque / robot.gear
     mujoco.mj_forward(robot.model, data)
     np.testing.assert_allclose(data.qfrc_actuator[6:], torque)
@@ -171,7 +134,7 @@ def test_ctrl_gives_the_torque_of_the_joint(robot: Robot, rng: np.random.Generat
 
 def test_sensors_hold_the_force_on_each_point(robot: Robot) -> None:
     """Against the contacts themselves, moving, one side pressed deeper than the other."""
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     data.qpos[2] -= 0.002
     data.qpos[3:7] = np.array([1.0, 0.01, 0.02, 0.0]) / np.linalg.norm([1.0, 0.01, 0.02, 0.0])
     data.qvel[:] = 0.1
@@ -260,7 +223,7 @@ def test_biped_follows_the_paper() -> None:
 
 def test_quadruped_is_as_large_as_littledog() -> None:
     robot = load("quadruped")
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     solid = np.flatnonzero(robot.model.geom_bodyid > 0)
     radius = robot.model.geom_rbound[solid]
     assert data.geom_xpos[solid, 2].max() == pytest.approx(0.20, abs=0.01)
@@ -282,7 +245,7 @@ def test_humanoid_follows_the_paper() -> None:
     assert [foot.num_points for foot in robot.feet] == [4, 4]
     for foot in robot.feet:
         np.testing.assert_allclose(np.ptp(foot.points, axis=0), [0.19, 0.095, 0.0], atol=1e-12)
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     top = data.geom_xpos[:, 2] + robot.model.geom_rbound * (robot.model.geom_bodyid > 0)
     assert top.max() == pytest.approx(1.7, abs=0.02)
     assert data.body("left_upper_thigh").xpos[2] == pytest.approx(0.87, abs=0.01)  # the hip
@@ -292,7 +255,7 @@ def test_humanoid_follows_the_paper() -> None:
 def test_go1_is_as_large_as_published() -> None:
     """Twelve joints, legs of 0.213 + 0.213 m beside hips 0.376 m and 0.0935 m apart."""
     robot = load("go1")
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     hips = np.array([data.body(f"{leg}_hip").xpos for leg in robot.foot_names])
     np.testing.assert_allclose(np.ptp(hips, axis=0), [0.3762, 0.0935, 0.0], atol=1e-12)
     assert hips[0, 2] == pytest.approx(0.29, abs=1e-3)
@@ -317,10 +280,10 @@ def test_g1_is_as_large_as_published() -> None:
     both = {f"{side}_{joint}" for side in ("left", "right") for joint in leg | arm}
     assert set(robot.joint_names) == both | {"waist_yaw", "waist_roll", "waist_pitch"}
     assert [foot.num_points for foot in robot.feet] == [4, 4]
-    data = at(robot, robot.model.qpos0)
+    data = posed(robot, robot.model.qpos0)
     solid = robot.model.geom_bodyid > 0
     top = np.max((data.geom_xpos[:, 2] + robot.model.geom_rbound)[solid])
-    assert top - contact_heights(robot, data).min() == pytest.approx(1.32, abs=0.02)
+    assert top - points(robot, data)[:, 2].min() == pytest.approx(1.32, abs=0.02)
     hip, knee, ankle = (data.body(f"left_{link}").xpos for link in ("hip", "shank", "ankle"))
     # The axes of hip pitch, knee and ankle, seen from the side.
     assert np.linalg.norm((hip - knee)[[0, 2]]) == pytest.approx(0.337, abs=1e-3)
@@ -328,13 +291,10 @@ def test_g1_is_as_large_as_published() -> None:
 
 
 def test_built_in_robots_are_physical_and_stand_over_the_centre_of_their_feet(own: Robot) -> None:
-    data = at(own, own.home_qpos)
-    np.testing.assert_allclose(contact_heights(own, data), 0.0, atol=1e-12)
-    points = [
-        data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-        for foot in own.feet
-    ]
-    offset = data.subtree_com[own.base_body] - np.concatenate(points).mean(axis=0)
+    data = posed(own)
+    touching = points(own, data)
+    np.testing.assert_allclose(touching[:, 2], 0.0, atol=1e-12)
+    offset = data.subtree_com[own.base_body] - touching.mean(axis=0)
     np.testing.assert_allclose(offset[:2], 0.0, atol=1e-3)
     moments = np.sort(own.model.body_inertia[1:], axis=1)
     assert np.all(own.model.body_mass[1:] > 0) and np.all(moments > 0)
@@ -342,65 +302,6 @@ def test_built_in_robots_are_physical_and_stand_over_the_centre_of_their_feet(ow
     assert np.all(own.model.dof_armature[6:] > 0) and np.all(own.model.dof_armature[:6] == 0)
     assert np.all(own.joint_damping > 0) and np.all(own.gear == 1.0)
     assert np.all(np.isfinite(own.joint_range))
-
-
-def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Joint permutation and signs of a reflection that flips the axis set in `vector`."""
-    pseudo = -vector  # a rotation axis keeps the flipped direction and loses the others
-    names = list(robot.joint_names)
-    source, sign = [], []
-    for name in names:
-        other = name
-        for a, b in pairs.items():
-            if name.startswith(a):
-                other = name.replace(a, b)
-            elif name.startswith(b):
-                other = name.replace(b, a)
-        source.append(names.index(other))
-        sign.append(robot.model.joint(other).axis @ pseudo @ robot.model.joint(name).axis)
-    np.testing.assert_allclose(np.abs(sign), 1.0)  # each joint's axis is its twin's mirror image
-    return np.array(source), np.round(sign)
-
-
-@pytest.mark.parametrize(
-    "name, flip, pairs",
-    [
-        ("biped", 1, {"left": "right"}),
-        ("humanoid", 1, {"left": "right"}),
-        ("quadruped", 1, {"front_left": "front_right", "hind_left": "hind_right"}),
-        ("quadruped", 0, {"front": "hind"}),
-        ("go1", 1, {"front_left": "front_right", "hind_left": "hind_right"}),
-        ("g1", 1, {"left": "right"}),
-    ],
-)
-def test_the_robot_is_its_own_mirror_image(name, flip, pairs, rng):
-    """Same kinetic energy, centre of mass and limits, at random configurations and velocities."""
-    robot = load(name)
-    reflection = np.eye(3)
-    reflection[flip, flip] = -1
-    source, sign = mirror(robot, pairs, reflection)
-    np.testing.assert_allclose(robot.torque_limit, robot.torque_limit[source])
-    np.testing.assert_allclose(robot.joint_damping, robot.joint_damping[source])
-    mirrored = robot.joint_range[source] * sign[:, None]
-    np.testing.assert_allclose(robot.joint_range, np.sort(mirrored, axis=1))
-    np.testing.assert_allclose(robot.home_qpos[7:], sign * robot.home_qpos[7:][source], atol=1e-12)
-    for _ in range(5):
-        results = []
-        joints = rng.uniform(robot.joint_range[:, 0], robot.joint_range[:, 1])
-        linear, angular, rates = rng.normal(size=3), rng.normal(size=3), rng.normal(size=len(sign))
-        for twin in (False, True):
-            data = at(robot, robot.home_qpos)
-            data.qpos[7:] = sign * joints[source] if twin else joints
-            data.qvel[:3] = reflection @ linear if twin else linear
-            data.qvel[3:6] = -reflection @ angular if twin else angular
-            data.qvel[6:] = sign * rates[source] if twin else rates
-            mujoco.mj_forward(robot.model, data)
-            momentum = np.empty(robot.nv)
-            mujoco.mj_mulM(robot.model, data, momentum, data.qvel)
-            com = data.subtree_com[robot.base_body]
-            results.append((0.5 * data.qvel @ momentum, reflection @ com if twin else com))
-        assert results[0][0] == pytest.approx(results[1][0], rel=1e-9)
-        np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-12)
 
 
 def test_home_can_be_held(own: Robot) -> None:
@@ -427,7 +328,7 @@ def test_feet_do_not_creep_under_a_steady_push(own: Robot) -> None:
 
 
 def test_a_fallen_robot_lies_on_the_floor(own: Robot) -> None:
-    data = at(own, own.home_qpos)
+    data = posed(own)
     data.qvel[:3] = [2.0, 0.5, 0.0]
     mujoco.mj_step(own.model, data, nstep=3000)
     assert np.all(np.isfinite(data.qpos))
@@ -441,20 +342,20 @@ def test_a_fallen_robot_lies_on_the_floor(own: Robot) -> None:
 
 
 def test_robots_of_gymnasium() -> None:
-    robot = gymnasium_humanoid()
+    robot, ant = map(robot_called, GYMNASIUM)
     assert (robot.name, robot.num_joints, robot.num_points) == ("humanoid", 17, 2)
     limit = dict(zip(robot.joint_names, robot.torque_limit, strict=True))
     assert limit["right_hip_y"] == pytest.approx(0.4 * 300) and robot.feet[0].radius == 0.075
     ends = [[0.4, 0.4, 0], [-0.4, 0.4, 0], [-0.4, -0.4, 0], [0.4, -0.4, 0]]
-    np.testing.assert_allclose([foot.points[0] for foot in ant().feet], ends, atol=1e-9)
-    assert ant().feet[0].radius == 0.08
+    np.testing.assert_allclose([foot.points[0] for foot in ant.feet], ends, atol=1e-9)
+    assert ant.feet[0].radius == 0.08
 
 
 @pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"], ["a", "b"]])
 def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
     """The named sites carry the whole foot between them, and corners each their own."""
     robot = box_foot(tmp_path, names)
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     for _ in range(1000):
         data.ctrl[0] = -2 * 9.81 - 400 * data.qpos[7] - 20 * data.qvel[6]
         mujoco.mj_step(robot.model, data)
@@ -517,7 +418,7 @@ def test_torque_limit_is_what_the_motor_can_give_both_ways(tmp_path, motor, join
     path.write_text(text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}'))
     robot = Robot.from_mjcf(path, {"foot": ["middle"]})
     assert robot.torque_limit[0] == pytest.approx(limit)
-    data = at(robot, robot.home_qpos)
+    data = posed(robot)
     for sign in (1.0, -1.0):
         data.ctrl[0] = sign * limit / robot.gear[0]
         mujoco.mj_forward(robot.model, data)

@@ -107,7 +107,6 @@ def test_gains_are_what_the_servo_did(kind: str) -> None:
     servo, _ = SERVOS[kind]
     unlimited = re.sub('(forcerange|ctrlrange|actrange)="[^"]*"', "", servo)
     if kind == "integrated velocity":
-        unlimited += ""
         unlimited = unlimited.replace("/>", ' actrange="-1 1"/>')
     model = mujoco.MjModel.from_xml_string(text(unlimited))
     found = Robot.from_mjcf(text(HIP + unlimited), ["toe"], torque_limit={"knee": 9.0}).servo_gains

@@ -1,6 +1,5 @@
 """Standing poses of robots whose own are known, and of those that cannot stand."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -8,7 +7,17 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
+from tests.postures import points, posed
 from tests.robots.test_source_urdf import urdf
+
+
+def assert_stands(robot: Robot, qpos: np.ndarray, tolerance: float) -> None:
+    """Its feet level, and its centre of mass over the middle of them."""
+    data = posed(robot, qpos)
+    touching = points(robot, data)
+    assert np.ptp(touching[:, 2]) < tolerance
+    com = data.subtree_com[robot.base_body]
+    np.testing.assert_allclose(com[:2], touching.mean(axis=0)[:2], atol=tolerance)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -21,19 +30,7 @@ def test_built_in_robots_stand_up_from_straight_legs(name: str) -> None:
     knees = [i for i, joint in enumerate(robot.joint_names) if "knee" in joint]
     assert np.all(np.abs(pose[7:][knees]) > 0.3)
     assert np.all(np.sign(pose[7:][knees]) == np.sign(robot.home_qpos[7:][knees]))
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = pose
-    mujoco.mj_forward(robot.model, data)
-    points = np.concatenate(
-        [
-            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            for foot in robot.feet
-        ]
-    )
-    size = robot.home_qpos[2]
-    assert np.ptp(points[:, 2]) < 1e-3 * size
-    com = data.subtree_com[robot.base_body]
-    np.testing.assert_allclose(com[:2], points.mean(axis=0)[:2], atol=1e-3 * size)
+    assert_stands(robot, pose, 1e-3 * robot.home_qpos[2])
 
 
 def test_a_keyframe_is_where_standing_up_begins() -> None:
@@ -123,9 +120,7 @@ BALLS = "".join(
 def test_feet_stand_on_their_soles_however_they_are_tilted_before(named, knees, tilt, feet) -> None:
     joints = {"torque_limit": 100, "armature": 0.01}
     robot = Robot.from_mjcf(two_legs(feet, knees, tilt), named, home="stand", **joints)
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_kinematics(robot.model, data)
+    data = posed(robot)
     for foot in robot.feet:
         assert foot.num_points == 4
         assert np.ptp(foot.points, axis=0) == pytest.approx([0.2, 0.1, 0.0], abs=1e-6)
@@ -155,9 +150,7 @@ def test_feet_stand_on_all_of_their_length(knees, tilt, feet, length) -> None:
     text = two_legs(feet, knees, tilt).replace("<worldbody>", f"{ASSET}<worldbody>")
     named = ["left_foot", "right_foot"]
     robot = Robot.from_mjcf(text, named, home="stand", torque_limit=100, armature=0.01)
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_kinematics(robot.model, data)
+    data = posed(robot)
     for foot in robot.feet:
         # A line's ends cannot be drawn tilted by more than it is told from where it touches.
         if feet != HEEL_TO_TOE or not tilt:

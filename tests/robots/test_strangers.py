@@ -11,6 +11,7 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain.obstacles import random_obstacles
 from fbid_gym.robots.terrain.rocks import random_rocks
+from tests.postures import posed
 from tests.robots.test_source_urdf import LEGS, MESH, urdf
 from tests.robots.test_touching import FOOT
 
@@ -52,9 +53,7 @@ def test_inertias_that_no_body_has_are_mended(inertia: dict[str, float]) -> None
 
 
 def mass_matrix(robot: Robot) -> np.ndarray:
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot)
     mass = np.empty((robot.nv, robot.nv))
     mujoco.mj_fullM(robot.model, data, mass)
     return mass
@@ -242,9 +241,7 @@ def test_bodies_that_lie_in_one_another_at_home_touch_no_more() -> None:
     reach = '<collision><origin xyz="0 0 0.2"/><geometry><sphere radius="0.04"/></geometry>'
     robot = Robot.from_mjcf(text.replace(name, name + reach + "</collision>"))
     assert noted(robot, "Lie in one another at home, and touch no more: trunk and front_left_lower")
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot)
     assert not np.any(robot.model.body_weldid[robot.model.geom_bodyid[data.contact.geom]].all(1))
 
 

@@ -1,12 +1,12 @@
 """What acts on a robot and stands in no law's equation of motion is refused by name."""
 
-import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.config import EnvConfig
+from tests.postures import posed
 from tests.robots.test_robot_errors import GOOD, fails
 
 BLIND = 'contype="0" conaffinity="0" '
@@ -48,9 +48,7 @@ def test_tendons_that_only_measure_are_none_of_them() -> None:
     found = []
     for text in (GOOD, cord('margin="0.1"')):
         robot = Robot.from_mjcf(text, ["toe"])
-        data = mujoco.MjData(robot.model)
-        data.qpos[:], data.qvel[:] = robot.home_qpos, 0.3
-        mujoco.mj_forward(robot.model, data)
+        data = posed(robot, robot.home_qpos, 0.3)
         found.append(data.qacc.copy())
     np.testing.assert_array_equal(*found)
 

@@ -9,6 +9,7 @@ import pytest
 
 from fbid_gym.robots import Robot, zoo
 from tests.pairs import pairs
+from tests.postures import points, posed
 
 SEEDS = range(26, 38)  # all numbers of legs and joints, all feet and actuators
 
@@ -83,17 +84,10 @@ def test_its_feet_are_found_and_its_servos_gains_kept(animal: zoo.Morphology) ->
 def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     """Level on the ground, within the joint ranges, nothing to say against it."""
     robot = load_animal(animal, animal.foot_names, home="stand")
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
-    points = np.concatenate(
-        [
-            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            for foot in robot.feet
-        ]
-    )
-    np.testing.assert_allclose(points[:, 2] - robot.feet[0].radius, 0.0, atol=1e-3 * animal.leg)
-    off = data.subtree_com[robot.base_body] - points.mean(axis=0)
+    data = posed(robot)
+    touching = points(robot, data)
+    np.testing.assert_allclose(touching[:, 2], 0.0, atol=1e-3 * animal.leg)
+    off = data.subtree_com[robot.base_body] - touching.mean(axis=0)
     assert np.linalg.norm(off[:2]) < 0.01 * animal.leg
     assert np.all(np.abs(robot.home_qpos[7:]) <= 1.2)
     assert robot.check() == []

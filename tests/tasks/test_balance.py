@@ -10,6 +10,7 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.quantities import RobotState
 from fbid_gym.tasks import Balance, Body, Episode, Pushes, Start
 from fbid_gym.tasks.outcome import Outcome
+from tests.postures import point_jacobians, points, posed
 
 HZ = 500
 
@@ -100,25 +101,14 @@ def at_random(task, rng, count):
 
 
 def feet_of(robot, qpos, qvel):
-    """Contact points (P, 3), their velocities, and the feet's centre and heading, from MjData."""
-    data = mujoco.MjData(robot.model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
-    mujoco.mj_forward(robot.model, data)
-    points, velocities = [], []
-    for foot in robot.feet:
-        for point in foot.points:
-            world = data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ point
-            world = world - [0, 0, foot.radius]
-            jacobian = np.zeros((3, robot.nv))
-            mujoco.mj_jac(robot.model, data, jacobian, None, world, foot.body)
-            points.append(world)
-            velocities.append(jacobian @ qvel)
-    return data, np.array(points), np.array(velocities)
+    """MjData, contact points (P, 3) and their velocities."""
+    data = posed(robot, qpos, qvel)
+    return data, points(robot, data), point_jacobians(robot, data) @ qvel
 
 
-def heading_of(points, layout):
-    """Angle that turns the home layout (P, 2) nearest to the points, by complex numbers."""
-    now = points[:, :2] - points[:, :2].mean(axis=0)
+def heading_of(places, layout):
+    """Angle that turns the home layout (P, 2) nearest to the places, by complex numbers."""
+    now = places[:, :2] - places[:, :2].mean(axis=0)
     return np.angle(np.vdot(layout @ [1, 1j], now @ [1, 1j]))
 
 
@@ -139,12 +129,12 @@ def test_the_observation_is_what_its_names_say(task, rng):
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
     for row in range(6):
-        data, points, _ = feet_of(robot, qpos[row], qvel[row])
-        angle = heading_of(points, layout)
+        data, places, _ = feet_of(robot, qpos[row], qvel[row])
+        angle = heading_of(places, layout)
         cosine, sine = np.cos(angle), np.sin(angle)
         level = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])  # support from world
         rotation = data.xmat[robot.base_body].reshape(3, 3)
-        base = level @ (data.xpos[robot.base_body] - points.mean(axis=0))
+        base = level @ (data.xpos[robot.base_body] - places.mean(axis=0))
         expected = [
             [commanded(plan, row, rest["tick"][row]) - home_base[2]],
             base - home_base,
@@ -178,15 +168,15 @@ def test_rewards_are_their_formulas(task, rng):
     qpos, qvel, rest = at_random(task, rng, 20)
     qvel *= 0.2
     rest["torque"] *= 0.5
-    rest["contact"][::3, 0] *= 1e-3  # some points carry less than 1 % of the weight
+    rest["contact"][::3, 0] *= 1e-3  # some places carry less than 1 % of the weight
     rewards, metrics = judged(task, outcome_at(task, qpos, qvel, **rest), plan)
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
     for row in range(20):
-        data, points, velocities = feet_of(robot, qpos[row], qvel[row])
-        angle = heading_of(points, layout)
-        base = data.xpos[robot.base_body] - points.mean(axis=0)
+        data, places, velocities = feet_of(robot, qpos[row], qvel[row])
+        angle = heading_of(places, layout)
+        base = data.xpos[robot.base_body] - places.mean(axis=0)
         ahead = (base[0] + 1j * base[1]) * np.exp(-1j * angle) - (home_base[:2] @ [1, 1j])
         command = commanded(plan, row, rest["tick"][row])
         tilt = np.arccos(data.xmat[robot.base_body].reshape(3, 3)[2, 2])
@@ -241,8 +231,8 @@ def test_a_low_base_has_fallen(task, robot):
         qpos[:, 7 + joint] += bend / 2 * np.sign(robot.home_qpos[7 + joint])
     outcome = outcome_at(task, qpos, qvel)
     height = [
-        data.xpos[robot.base_body][2] - points[:, 2].mean()
-        for data, points, _ in (feet_of(robot, row, np.zeros(robot.nv)) for row in qpos)
+        data.xpos[robot.base_body][2] - places[:, 2].mean()
+        for data, places, _ in (feet_of(robot, row, np.zeros(robot.nv)) for row in qpos)
     ]
     low = np.array(height) + task.body.size - task.body.home_height < 0.6 * task.body.size
     assert low.any() and not low.all()

@@ -167,6 +167,19 @@ def config(out: Path, **changes: Any) -> TrainConfig:
     return TrainConfig(out=out, **{**fields, **changes})
 
 
+def tiny(out: Path, **changes: Any) -> TrainConfig:
+    """A training of four robots that takes two iterations."""
+    fields: dict[str, Any] = {
+        "env": "fbid_gym/QuadrupedBalance-v0",
+        "action_layer": "joint_position",
+        "total_steps": 64,
+        "num_envs": 4,
+        "ppo": PPOConfig(n_steps=8, batch_size=32),
+        "eval": EvaluationConfig(every=32, episodes=3),
+    }
+    return config(out, **{**fields, **changes})
+
+
 def draw_network(learner: BaseAlgorithm) -> None:
     """Give a learner a network whose actions differ, some at their limits.
 

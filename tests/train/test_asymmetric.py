@@ -1,6 +1,5 @@
 """PPO whose actor sees what a robot can, and whose critic sees the truth."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -14,28 +13,13 @@ import train.ppo
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 from train.learner import build, export
-from train.runs.config import EvaluationConfig, TrainConfig
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 ROBOT = {"sensors": "mems", "observation": "measured", "history": 2, "episode_seconds": 0.5}
 
 
-def config(out: Path) -> TrainConfig:
-    small = TrainConfig(
-        env=ENV,
-        action_layer="joint_position",
-        env_args=ROBOT,
-        total_steps=64,
-        num_envs=4,
-        num_threads=1,
-        out=out,
-        eval=EvaluationConfig(every=32, episodes=2),
-    )
-    return replace(small, ppo=replace(small.ppo, n_steps=8, batch_size=32))
-
-
 def test_actor_and_critic_see_their_own_parts(tmp_path: Path) -> None:
-    given = config(tmp_path)
+    given = stand_in.tiny(tmp_path, env_args=ROBOT)
     learner = build(given, fbid_gym.make_sb3(ENV, 4, seed=0, **given.make_args()))
     learner.env.reset()
     size = export(learner, given, {}).observation_size
@@ -53,7 +37,7 @@ def test_actor_and_critic_see_their_own_parts(tmp_path: Path) -> None:
 
 
 def test_a_run_exports_the_actor_alone(tmp_path: Path) -> None:
-    given = config(tmp_path / "run")
+    given = stand_in.tiny(tmp_path / "run", env_args=ROBOT)
     train.ppo.main(given)
     policy = Policy.load(tmp_path / "run")
     env = gym.make(policy.env_id, **policy.env_args)

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import stand_in
 
 import eval.rollout
 import train.ppo
@@ -17,14 +18,14 @@ from fbid_gym import make_sb3
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot, load, zoo
-from train.runs.config import EvaluationConfig, TrainConfig
+from train.runs.config import TrainConfig
 from train.runs.reading import load as load_run
 from train.runs.robots import of_policy
 from train.runs.tables import read_rows
 
 ANIMAL = zoo.draw(22)
 ENV = "fbid_gym/QuadrupedBalance-v0"
-EPISODES = 3
+EPISODES = 3  # of an evaluation
 
 
 @pytest.fixture(scope="module")
@@ -39,19 +40,8 @@ def folder(tmp_path_factory):
 
 
 def config(folder: Path, **changes: Any) -> TrainConfig:
-    small = TrainConfig(
-        env=ENV,
-        action_layer="joint_position",
-        env_args={"episode_seconds": 0.5},
-        robot=str(folder / "robot.toml"),
-        total_steps=64,
-        num_envs=4,
-        num_threads=1,
-        out=folder / "run",
-        eval=EvaluationConfig(every=32, episodes=EPISODES),
-    )
-    small = replace(small, ppo=replace(small.ppo, n_steps=8, batch_size=32))
-    return replace(small, **changes)
+    own = {"env_args": {"episode_seconds": 0.5}, "robot": str(folder / "robot.toml")}
+    return stand_in.tiny(folder / "run", **own | changes)
 
 
 def returns(folder: Path, *words: str) -> float:

@@ -11,9 +11,8 @@ import stand_in
 
 from fbid_gym.bundles import save_bundle
 from fbid_gym.errors import FbidError, RunError
-from fbid_gym.policy import Policy
 from train import replay, training
-from train.learner import build, export, normaliser
+from train.learner import build
 from train.runs.config import EvaluationConfig, SACConfig
 from train.runs.folder import RunFolder
 from train.runs.reading import load
@@ -86,29 +85,6 @@ def test_training_learns(tmp_path):
     _train(tmp_path, total_steps=4096, num_envs=16, sac=sac, eval=every)
     first, last = stand_in.curve(tmp_path / "evaluations.csv")
     assert float(last["survival"]) > float(first["survival"]) + 0.25
-
-
-@pytest.mark.parametrize("activation", ["relu", "elu"])
-def test_exported_policy_is_the_prediction_of_stable_baselines3(tmp_path, activation):
-    sac = SACConfig(
-        n_steps=4, gradient_steps=4, batch_size=32, learning_starts=64, policy_starts=0,
-        activation=activation, hidden=(20, 9),
-    )  # fmt: skip
-    config = stand_in.config(tmp_path, algorithm="sac", sac=sac)
-    learner = _learner(config)
-    observation = np.random.default_rng(0).normal(scale=(1.0, 3.0, 100.0), size=(400, 3))
-    observation = observation.astype(np.float32)
-    np.testing.assert_array_equal(export(learner, config, {})(observation), 0.0)
-    learner.learn(512)
-    stand_in.draw_network(learner)
-    export(learner, config, {}).save(tmp_path / "policy")
-    policy = Policy.load(tmp_path / "policy")
-    assert (policy.output, policy.algorithm, policy.trained_steps) == ("tanh", "sac", 512)
-    expected, _ = learner.predict(
-        normaliser(learner).normalize_obs(observation), deterministic=True
-    )
-    np.testing.assert_allclose(policy(observation), expected, atol=1e-6)
-    assert np.ptp(expected) > 0.5
 
 
 def test_a_learner_begins_with_the_noise_and_the_value_that_it_is_told(tmp_path):

@@ -16,7 +16,6 @@ principal moments that satisfy the triangle inequality (P. M. Wensing, S. Kim, J
 Robotics and Automation Letters 3(1), 2018). P is linear in the ten parameters.
 """
 
-import copy
 import dataclasses
 
 import mujoco
@@ -32,11 +31,6 @@ PARAMETERS = ("mass", *(f"mass {axis}" for axis in "xyz"), *(f"inertia {at}" for
 
 # Row and column of the inertia tensor for each of the last six parameters.
 _ROW, _COLUMN = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
-# Frames that a geom or site may share with its body's inertia, by which MuJoCo saves arithmetic.
-_WITH_INERTIA = (
-    int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA),
-    int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIAROT),
-)
 
 
 def pseudo_inertia(parameters: np.ndarray) -> np.ndarray:
@@ -108,37 +102,22 @@ def with_parameters(robot: Robot, bodies: np.ndarray, parameters: np.ndarray) ->
             [float(f"{value:.4g}") for value in parameters[worst]],
             "those of a body with positive mass everywhere: a positive definite pseudo-inertia",
         )
-    model = copy.copy(robot.model)
     matrix = pseudo_inertia(parameters)
     mass = matrix[:, 3, 3]
     com = matrix[:, :3, 3] / mass[:, None]
     about_com = matrix[:, :3, :3] - mass[:, None, None] * com[:, :, None] * com[:, None]
     spread, axes = np.linalg.eigh(about_com)
     axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
-    model.body_mass[bodies], model.body_ipos[bodies] = mass, com
-    model.body_inertia[bodies] = spread.sum(axis=1, keepdims=True) - spread
-    model.body_iquat[bodies] = matrix_to_quaternion(axes)
-    # The inertial frame has moved away from what lay in it.
-    for frames, owners in (
-        (model.geom_sameframe, model.geom_bodyid),
-        (model.site_sameframe, model.site_bodyid),
-    ):
-        frames[np.isin(frames, _WITH_INERTIA) & np.isin(owners, bodies)] = 0
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    whole, spec = float(model.body_subtreemass[robot.base_body]), _told(robot.spec, model, bodies)
+    moments, turned = spread.sum(axis=1, keepdims=True) - spread, matrix_to_quaternion(axes)
+    spec = robot.spec.copy()
+    spec.compile()  # gives bodies their ids
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.compiler.settotalmass = -1.0
+    for body in spec.bodies:
+        for row in np.flatnonzero(bodies == body.id):
+            body.explicitinertial, body.fullinertia = True, np.full(6, np.nan)
+            body.mass, body.ipos = mass[row], com[row]
+            body.iquat, body.inertia = turned[row], moments[row]
+    model = spec.compile()
+    whole = float(model.body_subtreemass[robot.base_body])
     return dataclasses.replace(robot, model=model, spec=spec, mass=whole)
-
-
-def _told(spec: mujoco.MjSpec, model: mujoco.MjModel, bodies: np.ndarray) -> mujoco.MjSpec:
-    """Return a spec of which these bodies are those of a model: worlds are made of it."""
-    told = spec.copy()
-    told.compile()  # gives bodies their ids
-    told.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-    told.compiler.settotalmass = -1.0
-    for body in told.bodies:
-        if body.id in bodies:
-            body.explicitinertial = True
-            body.mass, body.ipos = model.body_mass[body.id], model.body_ipos[body.id]
-            body.iquat, body.inertia = model.body_iquat[body.id], model.body_inertia[body.id]
-            body.fullinertia = np.full(6, np.nan)
-    return told

@@ -19,7 +19,7 @@ from eval.papers.trial import Memory
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains, default_moment_priority
 from fbid_gym.actions.law import Law
-from fbid_gym.control.body_law import stabilise
+from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.motions.gait.biped import SOLE, biped_gait
@@ -124,8 +124,7 @@ class Stepper:
         qvel[:, 2], qacc[:, 2] = plan.qvel[:, 2], plan.qacc[:, 2]
         acceleration = target.com_acceleration * share[:, None]
         target = target._replace(com_acceleration=acceleration, qpos=qpos, qvel=qvel, qacc=qacc)
-        none = np.zeros((len(ground), 6))
-        aim = stabilise(self.law.constants, none, state, target, terms)
+        aim = Command.to_target(np.zeros((len(ground), 6)))
         torque = self.law.torque(aim, state, target, terms, memory)
         base = terms.base_position[:, :2] - terms.foot_position[..., :2].mean(axis=1)
         memory["base"], memory["base_target"] = _ahead(base, memory), plan.qpos[:, :2]

@@ -1,12 +1,12 @@
 """Speed of whole environments, by layer and by thread."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import VectorEnv
 
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Clock, in_turns, seconds_of
@@ -24,7 +24,7 @@ BALANCE = "fbid_gym/BipedBalance-v0"
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 
-RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
+RELATIVE_LIMITS = {"biped, `base_acceleration`": Limit(0.55, at_least=True)}
 MIXED = ((4, 64), (16, 4))
 """Robots of a list, and how many environments of each."""
 
@@ -38,80 +38,67 @@ def zero_action(space: gym.Space) -> np.ndarray:
     return np.zeros(space.shape, space.dtype)
 
 
-class Stretch:
-    """A stretch of zero actions from a reset, timed without the reset."""
-
-    def __init__(self, envs: VectorEnv) -> None:
-        """Prepare for `envs`."""
-        self.envs = envs
-        self.action = zero_action(envs.action_space)
-
-    def reset(self) -> None:
-        """Put all robots on their feet."""
-        self.envs.reset(seed=0)
-
-    def __call__(self) -> None:
-        """Step."""
-        for _ in range(STEPS):
-            self.envs.step(self.action)
+def _stretch(clock: Clock, env: str = BALANCE, **given: Any) -> Callable[[], float]:
+    """Seconds that zero actions take, from a reset that is not timed."""
+    envs = gym.make_vec(env, **given)
+    action = zero_action(envs.action_space)
+    return seconds_of(
+        lambda: [envs.step(action) for _ in range(STEPS)], clock, lambda: envs.reset(seed=0)
+    )
 
 
-class PhysicsStretch:
-    """As many physics steps as a `Stretch` has, and nothing else, on some threads."""
+def _physics_stretch(
+    clock: Clock, robot: str, num_envs: int, num_threads: int
+) -> Callable[[], float]:
+    """Seconds of as many physics steps, and nothing else, of robots held by constant torques."""
+    rates, own = Rates(), load(robot)
+    count, torque = num_envs // num_threads, holding_torque(own)[None]
+    parts = [Simulation(own, count, rates) for _ in range(num_threads)]
+    pool = ThreadPoolExecutor(num_threads)
 
-    def __init__(self, robot: str, num_envs: int, num_threads: int) -> None:
-        """Put robots on their feet, held by constant torques."""
-        rates, own = Rates(), load(robot)
-        self.parts = [Simulation(own, num_envs // num_threads, rates) for _ in range(num_threads)]
-        self.ticks, self.torque = STEPS * rates.ticks, holding_torque(own)[None]
-        self.pool = ThreadPoolExecutor(num_threads)
-
-    def reset(self) -> None:
-        """Put all robots on their feet."""
-        for part in self.parts:
-            own, count = part.robot, part.num_robots
+    def place() -> None:
+        for part in parts:
             home = np.tile(own.home_qpos, (count, 1))
             part.place(np.arange(count), home, np.zeros((count, own.nv)))
 
-    def __call__(self) -> None:
-        """Step."""
-        list(self.pool.map(self._run, self.parts))
+    def run(part: Simulation) -> None:
+        for _ in range(STEPS * rates.ticks):
+            part.step(torque)
 
-    def _run(self, part: Simulation) -> None:
-        for _ in range(self.ticks):
-            part.step(self.torque)
+    return seconds_of(lambda: list(pool.map(run, parts)), clock, place)
 
 
-def _seconds(
-    stretches: Mapping[str, Stretch | PhysicsStretch], rounds: int, clock: Clock
-) -> dict[str, np.ndarray]:
-    """Seconds per policy step: name -> (rounds,)."""
-    measures = {name: seconds_of(its, clock, its.reset) for name, its in stretches.items()}
-    return {name: values / STEPS for name, values in in_turns(measures, rounds).items()}
+def _relative(
+    stretches: Mapping[str, Callable[[], float]],
+    yardstick: Mapping[str, str],
+    num_envs: int,
+    rounds: int,
+    limits: Mapping[str, Limit],
+) -> list[Figure]:
+    """Environment steps per second of stretches, relative to the yardstick of each."""
+    seconds = in_turns(stretches, rounds)
+    return [
+        Figure.of(
+            what,
+            f"{num_envs * STEPS / np.median(seconds[what]):,.0f} steps/s",
+            seconds[base] / seconds[what],
+            limits.get(what),
+        )
+        for what, base in yardstick.items()
+    ]
 
 
 def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
     """Environment steps per second of every layer, relative to the layer `torque`."""
-    figures = []
+    figures: list[Figure] = []
     for robot in robots:
+        given: dict[str, Any] = {"robot": robot, "num_envs": num_envs, "num_threads": 1}
         stretches = {
-            layer: Stretch(
-                gym.make_vec(
-                    BALANCE, robot=robot, num_envs=num_envs, action_layer=layer, num_threads=1
-                )
-            )
+            f"{robot}, `{layer}`": _stretch(time.process_time, action_layer=layer, **given)
             for layer in layers
         }
-        seconds = _seconds(stretches, rounds, time.process_time)
-        for layer, values in seconds.items():
-            figures.append(
-                Figure.of(
-                    f"{robot}, `{layer}`",
-                    f"{num_envs / np.median(values):,.0f} steps/s",
-                    seconds["torque"] / values,
-                    RELATIVE_LIMIT.get((robot, layer)),
-                )
-            )
+        base = dict.fromkeys(stretches, f"{robot}, `torque`")
+        figures += _relative(stretches, base, num_envs, rounds, RELATIVE_LIMITS)
     return Section(
         f"Environment steps by layer (N = {num_envs}, one thread)",
         "CPU time. A step is one policy step of one robot: 10 control ticks, 20 physics steps, "
@@ -123,32 +110,19 @@ def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -
 
 def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
     """Environment steps per second with two threads, relative to one; physics alone beside it."""
-    figures = []
+    figures: list[Figure] = []
     for robot in robots:
-        stretches: dict[str, Stretch | PhysicsStretch] = {}
+        alone, clock = f"{robot}, physics alone", time.perf_counter
+        stretches: dict[str, Callable[[], float]] = {}
         for threads in (1, 2):
-            stretches[f"physics alone {threads}"] = PhysicsStretch(robot, num_envs, threads)
+            one = " 1" if threads == 1 else ""
+            given: dict[str, Any] = {"robot": robot, "num_envs": num_envs, "num_threads": threads}
+            stretches[alone + one] = _physics_stretch(clock, **given)
             for layer in layers:
-                stretches[f"`{layer}` {threads}"] = Stretch(
-                    gym.make_vec(
-                        BALANCE,
-                        robot=robot,
-                        num_envs=num_envs,
-                        action_layer=layer,
-                        num_threads=threads,
-                    )
-                )
-        seconds = _seconds(stretches, rounds, time.perf_counter)
-        for what in ("physics alone", *(f"`{layer}`" for layer in layers)):
-            one, two = seconds[f"{what} 1"], seconds[f"{what} 2"]
-            figures.append(
-                Figure.of(
-                    f"{robot}, {what}",
-                    f"{num_envs / np.median(two):,.0f} steps/s",
-                    one / two,
-                    THREAD_LIMIT if robot == "biped" and what != "physics alone" else None,
-                )
-            )
+                stretches[f"{robot}, `{layer}`{one}"] = _stretch(clock, action_layer=layer, **given)
+        base = {what: f"{what} 1" for what in stretches if f"{what} 1" in stretches}
+        limits = {what: THREAD_LIMIT for what in base if robot == "biped" and what != alone}
+        figures += _relative(stretches, base, num_envs, rounds, limits)
     return Section(
         f"Two threads (N = {num_envs})",
         "Wall-clock time of the whole step, law included. Figure: speed relative to one thread. "
@@ -160,31 +134,21 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
 
 def several_robots(rounds: int) -> Section:
     """Environment steps per second of several robots in a list, relative to as many of one."""
-    figures = []
+    figures: list[Figure] = []
+    layer: dict[str, Any] = {
+        "action_layer": "base_acceleration",
+        "observation": "body",
+        "num_threads": 1,
+    }
     for robots, each in MIXED:
+        what, count = f"{robots} robots, {each} environments of each", robots * each
         stretches = {
-            name: Stretch(
-                gym.make_vec(
-                    WALK,
-                    robots=["go1"] * kinds,
-                    num_envs=robots * each,
-                    num_threads=1,
-                    action_layer="base_acceleration",
-                    observation="body",
-                )
+            name: _stretch(
+                *(time.process_time, WALK), robots=["go1"] * kinds, num_envs=count, **layer
             )
-            for name, kinds in (("one", 1), ("several", robots))
+            for name, kinds in (("one", 1), (what, robots))
         }
-        seconds = _seconds(stretches, rounds, time.process_time)
-        one, several = seconds["one"], seconds["several"]
-        figures.append(
-            Figure.of(
-                f"{robots} robots, {each} environments of each",
-                f"{robots * each / np.median(several):,.0f} steps/s",
-                one / several,
-                MIXED_LIMIT,
-            )
-        )
+        figures += _relative(stretches, {what: "one"}, count, rounds, {what: MIXED_LIMIT})
     return Section(
         "Several robots in one batch (one thread)",
         "CPU time. `go1`, several times in the list and so stepped as different robots would be, "

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eval.page.docs import markdown_table
+
 
 @dataclass(frozen=True)
 class Limit:
@@ -77,8 +79,7 @@ class Section:
             ]
             for figure in self.figures
         ]
-        lines = [f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows]]
-        return "\n".join([f"**{self.title}.** {self.note}", "", *lines])
+        return f"**{self.title}.** {self.note}\n\n{markdown_table(head, rows)}"
 
 
 def _quartiles(figure: Figure) -> str:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import timed_physics
+from eval.tools.bench.timing import in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.control.body_law import desired_acceleration, stabilise
+from fbid_gym.control.body_law import Command, desired_acceleration, stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_target, in_world
@@ -19,6 +19,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 from fbid_gym.runtime.rates import Rates
 
+PARTS = ("physics", "terms", "stabiliser", "desired", "eq. 15", "limited")
 SETTLE, TICKS = 25, 50
 """Control ticks of a round, after it put the robots on their feet: untimed, then timed."""
 
@@ -28,32 +29,12 @@ LIMITS = {
 }
 
 
-class _Stopwatch:
-    """Adds up CPU seconds by name."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    def __call__(self, name: str, run: Callable[..., Any], *args: Any) -> Any:
-        start = time.process_time()
-        result = run(*args)
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
-        return result
-
-
 def per_tick(robots: list[str], num_robots: int, rounds: int) -> Section:
     """Time terms and laws in a closed loop that stands, tick by tick beside the physics."""
     figures = []
-    for robot in robots:
-        stand = _Stand(robot, num_robots)
-        stand.round(_Stopwatch())
-        samples: dict[str, list[float]] = {}
-        for _ in range(rounds):
-            watch = _Stopwatch()
-            stand.round(watch)
-            for name, seconds in watch.seconds.items():
-                samples.setdefault(name, []).append(seconds / (TICKS * num_robots) * 1e6)
-        cost = {name: np.array(values) for name, values in samples.items()}
+    found = in_turns({robot: _Stand(robot, num_robots).round for robot in robots}, rounds)
+    for robot, seconds in found.items():
+        cost = dict(zip(PARTS, seconds.T / (TICKS * num_robots) * 1e6, strict=True))
         physics = cost["physics"]
         shown = {
             "physics, 2 steps": physics,
@@ -103,21 +84,30 @@ class _Stand:
         self.action = np.zeros((num_robots, 6))
         self.heading, self.home = Stance.of(robot).heading, home_target(robot)
         self.physics = timed_physics(self.simulation)
+        self.seconds = dict.fromkeys(PARTS, 0.0)
 
-    def round(self, watch: _Stopwatch) -> None:
-        """Put the robots on their feet, moving a little, and stand."""
+    def round(self) -> tuple[float, ...]:
+        """Put the robots on their feet, moving a little, and stand: seconds of `PARTS`."""
         simulation, robot = self.simulation, self.simulation.robot
         count = simulation.num_robots
         velocity = self.rng.uniform(-0.1, 0.1, (count, robot.nv))
         simulation.place(np.arange(count), np.tile(robot.home_qpos, (count, 1)), velocity)
         for tick in range(SETTLE + TICKS):
             if tick == SETTLE:
-                watch.seconds.clear()
+                self.seconds = dict.fromkeys(PARTS, 0.0)
                 self.physics.seconds = 0.0
-            simulation.step(self.tick(watch, reverse=bool(tick % 2)))
-        watch.seconds["physics"] = self.physics.seconds
+            simulation.step(self.tick(reverse=bool(tick % 2)))
+        self.seconds["physics"] = self.physics.seconds
+        return tuple(self.seconds.values())
 
-    def tick(self, watch: _Stopwatch, *, reverse: bool) -> np.ndarray:
+    def timed(self, name: str, run: Callable[..., Any], *args: Any) -> Any:
+        """Add the CPU seconds of a call to those of a part."""
+        start = time.process_time()
+        result = run(*args)
+        self.seconds[name] += time.process_time() - start
+        return result
+
+    def tick(self, *, reverse: bool) -> np.ndarray:
         """Time terms, stabiliser and both laws, the laws in either order."""
         simulation = self.simulation
         state = RobotState(
@@ -126,14 +116,17 @@ class _Stand:
             simulation.contact_force,
             np.zeros(simulation.num_robots, np.int64),
         )
-        terms = watch("terms", simulation.terms)
+        terms = self.timed("terms", simulation.terms)
         target = in_world(self.heading, self.home, terms)
         constants = self.layers["limited"].law.constants
-        wanted = watch("stabiliser", stabilise, constants, self.action, state, target, terms)
+        command = Command.to_target(self.action)
+        wanted = self.timed("stabiliser", stabilise, constants, command, state, target, terms)
         active = self.layers["limited"].law.belief(state, target)
-        watch("desired", desired_acceleration, constants, wanted, state, target, terms, active)
+        self.timed("desired", desired_acceleration, constants, wanted, state, target, terms, active)
         torques = {}
         for key in list(self.layers)[:: -1 if reverse else 1]:
             law = self.layers[key].law
-            torques[key] = watch(key, law.torque, wanted, state, target, terms, self.memories[key])
+            torques[key] = self.timed(
+                key, law.torque, wanted, state, target, terms, self.memories[key]
+            )
         return torques["limited"]

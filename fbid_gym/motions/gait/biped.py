@@ -6,6 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.flat_gait import FlatFootGait
 from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense
@@ -33,8 +34,10 @@ _LEVEL = 0.02  # of the mean square distance of the feet from their middle
 _LOWER = 0.04  # of the leg, by which a walking robot's base is lower than at home
 
 
-def biped_gait(robot: Robot) -> FlatFootGait:
+def biped_gait(robot: Robot, integral_time: float = 0.0) -> FlatFootGait:
     """Return the gait of a robot with two feet, a left one and a right one, on flat soles.
+
+    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`.
 
     Raises:
         RobotError: the robot has not two feet, or not flat ones, or not side by side.
@@ -75,6 +78,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         haste=Haste.of(robot, omega, _LOWER * leg),
         settle=_SETTLE / omega,
         agility=_AGILITY * gravity * np.array([1.0, 1.0, 1.0 / leg]),
+        trim=Trim.of(integral_time, omega, gravity),
         gain=_GAIN,
         height=float((1.0 - _LOWER) * leg + (home.base_position[0, 2] - ground - leg)),
         bend=_BEND * math.sqrt(gravity * leg),

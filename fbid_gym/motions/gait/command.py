@@ -5,8 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.motions.gait.heading import turned_on
+from fbid_gym.motions.gait.heading import along, axes_of, turned_on
 from fbid_gym.quantities import DynamicsTerms
+
+_TRIM = 0.1  # of sqrt(gravity times height)
 
 
 class Steering(NamedTuple):
@@ -28,6 +30,26 @@ class GaitCommand(NamedTuple):
     lowered: np.ndarray  # (N,) m by which the base shall be lower than the gait has it
 
 
+class Trim(NamedTuple):
+    """How a lasting error of the velocity is made up for, by integral action; constants."""
+
+    rate: float  # 1/s, inverse of the integral time; 0: it is not
+    # m/s ahead, or to the left, that the integral comes to at most; a greater error is none that
+    # lasts, but a push.
+    most: float
+
+    @classmethod
+    def of(cls, integral_time: float, omega: float, gravity: float) -> "Trim":
+        """Derive it from the rate at which a robot falls.
+
+        Args:
+            integral_time: in pendulum times 1 / omega; 0: errors last.
+            omega: 1/s.
+            gravity: m/s^2.
+        """
+        return cls(omega / integral_time if integral_time else 0.0, _TRIM * gravity / omega)
+
+
 @compiled
 def approached(now: float, asked: float, most: float) -> float:
     """Return a number moved towards another one, by no more than `most`."""
@@ -37,6 +59,7 @@ def approached(now: float, asked: float, most: float) -> float:
 @compiled
 def follow(
     agility: np.ndarray,
+    trim: Trim,
     command: GaitCommand,
     terms: DynamicsTerms,
     tick: float,
@@ -45,17 +68,36 @@ def follow(
 ) -> None:
     """Bring the velocity that is followed nearer to the command, and turn the heading with it.
 
+    To a command to move it adds the integral of the error ahead and to the left, which grows while
+    the velocity that is followed has reached that: what a robot is short of on its way to a new
+    command is no lasting error.
+
     Args:
         agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the velocity.
+        trim: how the error is integrated.
         command: where to go.
         terms: where the robots are.
         tick: s, of the control.
         memory: of a gait on points or on soles; updated.
         i: the robot.
     """
+    moves, lasting = False, trim.rate > 0.0
+    for axis in range(3):
+        moves = moves or command.velocity[i, axis] != 0.0
     for axis in range(3):
         now, asked = memory.velocity[i, axis], command.velocity[i, axis]
+        if moves and axis < 2:
+            asked += memory.trim[i, axis]
+        lasting = lasting and abs(asked - now) <= agility[axis] * tick
         memory.velocity[i, axis] = approached(now, asked, agility[axis] * tick)
+    if moves and lasting:
+        x, y = terms.com_velocity[i, 0], terms.com_velocity[i, 1]
+        ahead, left = along(axes_of(memory.heading[i]), x, y)
+        for axis in range(2):
+            error = command.velocity[i, axis] - (ahead if axis == 0 else left)
+            if abs(error) < trim.most:
+                grown = memory.trim[i, axis] + trim.rate * tick * error
+                memory.trim[i, axis] = approached(0.0, grown, trim.most)
     turn = memory.velocity[i, 2] * tick
     memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_trunk[i])
 

@@ -95,7 +95,7 @@ def _go_on(
 ) -> None:
     """Advance one robot; `points` (P, 2) is a buffer."""
     before = memory.velocity[i, 0]
-    follow(gait.agility, command, terms, tick, memory, i)
+    follow(gait.agility, gait.trim, command, terms, tick, memory, i)
     memory.velocity[i, 0] = gathered(gait.haste, before, memory.velocity[i, 0], tick)
     for foot in range(2):
         stand_where_it_is(target, terms, i, foot)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense, level_moments
 
@@ -24,6 +25,7 @@ class FlatFootGait(NamedTuple):
     haste: Haste  # how all that changes at velocities beyond the usual ones
     settle: float  # s in which a robot that stands shifts its weight
     agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
+    trim: Trim  # of the velocity
     gain: float  # of the centre of pressure on errors of xi, which decay with gain * omega
     height: float  # m, of the base above the ground below it
     bend: float  # m/s with which the base is lowered, or raised again
@@ -53,6 +55,7 @@ class FlatGaitMemory(NamedTuple):
     span: np.ndarray  # (N,) s that it takes
     settled: np.ndarray  # (N,) share to which a robot that stands is held over its feet
     velocity: np.ndarray  # (N, 3) m/s, m/s, rad/s: the command as it is followed
+    trim: np.ndarray  # (N, 2) m/s, integral of the error, added to the command
     heading: np.ndarray  # (N,) rad, integral of the rate that is followed
     planned: np.ndarray  # (N, 2) m/s with which the step began
     haste: np.ndarray  # (N,) from 0 to 1, see `haste_at`
@@ -83,6 +86,7 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> FlatGaitMemory:
         span=np.ones(count),
         settled=np.ones(count),
         velocity=np.zeros((count, 3)),
+        trim=np.zeros((count, 2)),
         heading=np.array(heading, dtype=float),
         planned=flat[0],
         haste=np.zeros(count),

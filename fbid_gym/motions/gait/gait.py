@@ -72,23 +72,24 @@ class Gait:
             contact_force: (N, P, 3) N, world, on the contact points.
             memory: of the robots; updated.
         """
-        own = self.remembered._make(self._own(memory))
+        own = self.remembered(*self._own(memory))
         target = self.target(memory)
         self.walk(self.constants, command, terms, contact_force, self.tick, own, target)
         return target
 
     def target(self, memory: Memory) -> Target:
         """Return the robots' target, in the arrays of their memory."""
-        return Target._make(_asked(memory))
+        return Target(*_asked(memory))
 
 
-def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
+def gait_of(robot: Robot, hz: int, name: str | None = None, integral_time: float = 0.0) -> Gait:
     """Return the gait of a robot: on four point feet, or on two flat ones.
 
     Args:
         robot: that walks.
         hz: control ticks per second.
         name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
+        integral_time: in which an error of the velocity is made up for, see `Trim`; 0: it lasts.
 
     Raises:
         UnknownOptionError: no such gait.
@@ -100,9 +101,9 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
         Choice(known).check("gait of a biped" if biped else "gait", name)
     tick = 1.0 / hz
     if biped:
-        on_soles = biped_gait(robot)
+        on_soles = biped_gait(robot, integral_time)
         return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
-    on_points = quadruped_gait(robot, name or default_gait(robot))
+    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time)
     return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 

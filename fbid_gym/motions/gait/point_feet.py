@@ -66,7 +66,7 @@ def _go_on(
     for foot in range(feet):
         load = load_on(foot, gait.foot_of_point, contact_force[i])
         touches[foot] = load > gait.touch
-    follow(gait.agility, command, terms, tick, memory, i)
+    follow(gait.agility, gait.trim, command, terms, tick, memory, i)
     _stand_on(terms, touches, middle, memory, i)
     plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
     start_or_stop(gait, command, terms, middle, memory, i)

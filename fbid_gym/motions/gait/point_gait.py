@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.schedule import Schedule
 from fbid_gym.motions.gait.slope import Sense, level_moments
 from fbid_gym.motions.gait.touchdown import STANCE
@@ -17,6 +18,7 @@ class PointFootGait(NamedTuple):
     omega: float  # 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass)
     capture: float  # share of an error of velocity that one step takes away
     agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
+    trim: Trim  # of the velocity
     rest: float  # m/s below which a robot is at rest
     astray: float  # m between feet and their places below which a robot may stand still
     # m, distance of the capture point from the middle of the feet at which a robot that stands has
@@ -44,6 +46,7 @@ class PointGaitMemory(NamedTuple):
     walking: np.ndarray  # (N,) bool, whether feet may lift
     settled: np.ndarray  # (N,) share to which a robot that stands is held over its feet
     velocity: np.ndarray  # (N, 3) m/s, m/s, rad/s: the command as it is followed
+    trim: np.ndarray  # (N, 2) m/s, integral of the error, added to the command
     heading: np.ndarray  # (N,) rad, integral of the rate that is followed
     touched: np.ndarray  # (N, F, 3) m, where each foot stands or last stood
     moments: np.ndarray  # (N, 5) m^2, of these places, see `slope.feel_ground`
@@ -65,6 +68,7 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> PointGaitMemory:
         walking=np.zeros(len(heading), bool),
         settled=np.ones(len(heading)),
         velocity=np.zeros((len(heading), 3)),
+        trim=np.zeros((len(heading), 2)),
         heading=np.array(heading, dtype=float),
         touched=np.array(foot_position, dtype=float),
         moments=level_moments(foot_position),

@@ -7,6 +7,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.point_gait import PointFootGait
 from fbid_gym.motions.gait.schedule import schedule_of
 from fbid_gym.motions.gait.slope import Sense
@@ -33,8 +34,10 @@ _BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 _SAMPLES = 2000
 
 
-def quadruped_gait(robot: Robot, gait: str = "trot") -> PointFootGait:
+def quadruped_gait(robot: Robot, gait: str = "trot", integral_time: float = 0.0) -> PointFootGait:
     """Return a gait, one of `schedule.PATTERNS`, of a robot with four point feet.
+
+    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`.
 
     Raises:
         UnknownOptionError: no such gait.
@@ -62,6 +65,7 @@ def quadruped_gait(robot: Robot, gait: str = "trot") -> PointFootGait:
         omega=1.0 / time,
         capture=_CAPTURE,
         agility=np.array([agility, agility, agility / stance.length]),
+        trim=Trim.of(integral_time, 1.0 / time, gravity),
         rest=_REST * speed,
         astray=_ASTRAY * height,
         margin=_MARGIN * float(stance.margin.min()),

@@ -27,7 +27,8 @@ COLUMNS = ("steps,wall_seconds,episodes,return_mean,return_std,return_q25,return
 FEW = Settings(samples=200)
 
 
-def fill(cell, height, error, until=1000):
+def fill(cell, height, error, until=1000, policy=None):
+    """What a training leaves that has got so far; the policy is of its end."""
     folder = RunFolder.of(cell.config.folder)
     folder.path.mkdir(parents=True)
     folder.config.write_text(json.dumps(cell.config.to_json()))
@@ -36,3 +37,6 @@ def fill(cell, height, error, until=1000):
         f"1000,9,8,{2 * height},1,{height - 1},{height + 1},50,1.0,{error}\n"
     )
     folder.progress.write_text(f"steps,return_mean\n400,nan\n800,{height / 2}\n{until},{height}\n")
+    if policy is not None:
+        policy.save(folder.policy)
+        folder.versions.write_text("{}")

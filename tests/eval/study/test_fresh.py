@@ -32,10 +32,7 @@ def played(study, standing_and_thrashing):
     """The study with two trainings done, and told what it was played by."""
     done = study.cells[0], study.cells[2]
     for cell, each in zip(done, standing_and_thrashing, strict=True):
-        fill(cell, 10.0 + cell.config.seed, 0.1)
-        folder = RunFolder.of(cell.config.folder)
-        each.save(folder.policy)
-        folder.versions.write_text("{}")
+        fill(cell, 10.0 + cell.config.seed, 0.1, policy=each)
     said = []
     measure(study, 3, lambda *told: said.append(told))
     assert len(said) == 2

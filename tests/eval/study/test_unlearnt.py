@@ -19,7 +19,6 @@ from eval.study.tables import drawn, numbers, table
 from tests.eval.conftest import zero_policy
 from tests.eval.study.small import FEW, fill
 from train.runs.endpoints import register
-from train.runs.folder import RunFolder
 from train.runs.study import arms, read_study
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
@@ -60,9 +59,7 @@ def played(still, tmp_path):
     for cell, policy in zip(
         study.cells, (still, replace(still, biases=(np.ones(12),))), strict=True
     ):
-        fill(cell, 10.0 + cell.config.seed, 0.1)
-        policy.save(RunFolder.of(cell.config.folder).policy)
-        RunFolder.of(cell.config.folder).versions.write_text("{}")
+        fill(cell, 10.0 + cell.config.seed, 0.1, policy=policy)
     measure(study, 3, lambda *told: None)
     return study
 

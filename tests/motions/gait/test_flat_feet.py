@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
 from fbid_gym.errors import RobotError
@@ -21,11 +22,7 @@ FLAT = ("biped", "humanoid")
 
 def turned(angle: np.ndarray) -> np.ndarray:
     """(N, 3, 3) rotations about the vertical."""
-    rotation = np.zeros((len(angle), 3, 3))
-    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(angle)
-    rotation[:, 1, 0], rotation[:, 0, 1] = np.sin(angle), -np.sin(angle)
-    rotation[:, 2, 2] = 1.0
-    return rotation
+    return Rotation.from_euler("z", angle[:, None]).as_matrix()
 
 
 def heading_of(target: Target) -> np.ndarray:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
 from fbid_gym.robots import load
 from tests.dogs import dog
@@ -71,5 +71,3 @@ def test_bad_input_is_refused():
     robot = load("quadruped")
     with pytest.raises(UnknownOptionError, match=r"gait.*gallop.*trot, walk, pace, bound, stand"):
         schedule_of(robot, "gallop")
-    with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
-        schedule_of(load("biped"))

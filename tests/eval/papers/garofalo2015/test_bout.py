@@ -19,6 +19,7 @@ from eval.papers.log import Log
 from eval.papers.trial import simulate
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.robots import load
+from tests.postures import posed
 
 LEGS = ("hip", "knee", "ankle")
 
@@ -149,9 +150,7 @@ def test_the_moving_goal_has_its_own_rates():
 
 def test_a_stance_with_one_foot_on_a_block():
     robot, ground = load("humanoid"), BLOCKS[-1]
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = stance(robot, ground)
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot, stance(robot, ground))
     assert (data.qpos[7:] >= robot.joint_range[:, 0]).all()
     assert (data.qpos[7:] <= robot.joint_range[:, 1]).all()
     left, right = robot.feet

@@ -18,11 +18,10 @@ from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms,
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_positions
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.quantities import DynamicsTerms
+from tests.dynamics.models import assert_close, random_states, robot_called
 
-EXACT = 1e-9
 COUNT = 6
 RANDOM = (4, 8)  # seeds of random trees with slides, joint offsets and tilted gravity
-RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
 
 
 class Case(NamedTuple):
@@ -98,14 +97,12 @@ def decoupled(terms: DynamicsTerms, velocity: np.ndarray) -> tuple[np.ndarray, .
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, *RANDOM])
-def robot(request, random_mjcf):
-    if isinstance(request.param, str):
-        return robots.load(request.param)
-    return robots.Robot.from_mjcf(random_mjcf(request.param), RANDOM_FEET)
+def robot(request):
+    return robot_called(request.param)
 
 
 @pytest.fixture(scope="module")
-def case(robot, random_states):
+def case(robot):
     """From one provider for every other robot; tests/dynamics holds that both say the same."""
     qpos, velocity = random_states(robot.model, COUNT)
     by_mujoco = robot.name not in (*robots.ROBOTS[::2], f"random{RANDOM[0]}")
@@ -120,12 +117,6 @@ def case(robot, random_states):
         *(np.linalg.inv(terms.mass_matrix), coriolis, transform, back, rate, inertia),
         (back.mT @ coriolis - inertia @ rate) @ back,
     )
-
-
-def assert_close(actual, expected, scale=None):
-    """Equal to 1e-9 of the largest entry expected, or of `scale`."""
-    size = np.abs(expected if scale is None else scale).max()
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=EXACT * size)
 
 
 def assert_zero(actual, scale):

@@ -14,6 +14,7 @@ from eval.papers.inertial_parameters.inertia import (
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.errors import InvalidValueError
+from tests.dynamics.models import random_states, relative_error, robot_called
 
 
 def parameters_of_points(mass, points):
@@ -87,7 +88,7 @@ def test_a_changed_robot_has_the_parameters_it_was_given(name, rng):
     assert robot.mass == pytest.approx(parameters[:, 0].sum())
 
 
-def test_a_changed_robot_is_the_same_to_both_providers(rng, random_states, relative_error):
+def test_a_changed_robot_is_the_same_to_both_providers(rng):
     for name in robots.ROBOTS:
         robot, _, _ = changed(robots.load(name), rng)
         states = random_states(robot.model, 3)
@@ -96,11 +97,9 @@ def test_a_changed_robot_is_the_same_to_both_providers(rng, random_states, relat
             assert relative_error(getattr(ours, field), getattr(theirs, field)) < 1e-9, field
 
 
-def test_a_changed_robot_keeps_its_shape(gymnasium_assets, rng):
+def test_a_changed_robot_keeps_its_shape(rng):
     # The humanoid's geoms lie in its bodies' inertial frames, which move.
-    original = robots.Robot.from_mjcf(
-        gymnasium_assets / "humanoid.xml", ["left_foot", "right_foot"]
-    )
+    original = robot_called("gymnasium humanoid")
     before = original.model.body_mass.copy()
     robot, _, _ = changed(original, rng)
     places = []

@@ -9,28 +9,19 @@ from eval.papers.inertial_parameters.inertia import (
     with_parameters,
 )
 from eval.papers.inertial_parameters.regressor import InertialRegressor
-from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.robots import ROBOTS
+from tests.dynamics.models import random_states, relative_error, robot_called
 
-RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
-EXACT = 1e-9
 
-
-@pytest.fixture(scope="module", params=[*robots.ROBOTS, "humanoid", 1, 2, 3, 4, 5, 6])
-def robot(request, tmp_path_factory, random_mjcf, gymnasium_assets):
-    if request.param == "humanoid":
-        path = gymnasium_assets / "humanoid.xml"
-        return robots.Robot.from_mjcf(path, ["left_foot", "right_foot"])
-    if isinstance(request.param, int):
-        # Welded bodies, several joints on a body, slides, armature also on the free joint.
-        path = tmp_path_factory.mktemp("robots") / f"random{request.param}.xml"
-        path.write_text(random_mjcf(request.param))
-        return robots.Robot.from_mjcf(path, RANDOM_FEET)
-    return robots.load(request.param)
+@pytest.fixture(scope="module", params=[*ROBOTS, "gymnasium humanoid", 1, 2, 3, 4, 5, 6])
+def robot(request):
+    # Welded bodies, several joints on a body, slides, armature also on the free joint.
+    return robot_called(request.param)
 
 
 @pytest.fixture
-def motion(robot, random_states, rng):
+def motion(robot, rng):
     """States far from rest, and accelerations."""
     qpos, qvel = random_states(robot.model, 4)
     return qpos, qvel, 5.0 * rng.normal(size=qvel.shape)
@@ -42,19 +33,15 @@ def force(robot, qpos, qvel, qacc):
     return np.matvec(terms.mass_matrix, qacc) + terms.bias
 
 
-def assert_rows_match(actual, expected, relative_error):
-    for row, reference in zip(actual, expected, strict=True):
-        assert relative_error(row, reference) < EXACT
-
-
-def test_regressor_knows_no_parameters(robot, motion, rng, relative_error):
+def test_regressor_knows_no_parameters(robot, motion, rng):
     regressor = InertialRegressor(robot)
     matrix = pseudo_inertia(regressor.parameters())
     deform = np.eye(4) + 0.2 * rng.normal(size=matrix.shape)
     parameters = parameters_of_pseudo_inertia(deform @ matrix @ deform.mT)
     other = with_parameters(robot, regressor.bodies, parameters)
     actual = regressor.rows(*motion) @ parameters.ravel() + regressor.armature * motion[2]
-    assert_rows_match(actual, force(other, *motion), relative_error)
+    for row, expected in zip(actual, force(other, *motion), strict=True):
+        assert relative_error(row, expected) < 1e-9
     # And the regressor of the other robot is the same.
     np.testing.assert_array_equal(InertialRegressor(other).rows(*motion), regressor.rows(*motion))
 
