@@ -23,8 +23,8 @@ _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 
 # In the time T in which the robot falls, and in g T. The zero action of QuadrupedWalk-v1 returns
 # 629 with these (64 episodes), 591 to 634 with half or one and a half times the speed or half or
-# twice the time of losing, 569 where recovering takes ten times as long, 506 with twice the landing,
-# 390 without notice.
+# twice the time of losing, 569 where recovering takes ten times as long, 506 with twice the time of
+# landing, 390 without notice.
 _LANDING, _LOSING, _RECOVERING, _SPEED = 0.06, 0.15, 12.0, 0.06
 
 
