@@ -1,11 +1,13 @@
-"""Robots on bent legs, and turned about the vertical."""
+"""Robots on bent legs, turned about the vertical, and without some of their joints."""
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fbid_gym import robots
 from fbid_gym.motions import squat_bow
 from fbid_gym.robots import Robot
+from fbid_gym.robots.built_in import asset_path
 
 
 def posed(
@@ -58,3 +60,20 @@ def turned(
     base = turn * Rotation.from_quat(qpos[..., 3:7], scalar_first=True)
     found[..., 3:7] = base.as_quat(scalar_first=True)
     return found, turn.as_matrix()
+
+
+def without(name: str, joint: str) -> Robot:
+    """A built-in robot without one joint of each leg, by the end of its name."""
+    whole, spec = robots.load(name), mujoco.MjSpec.from_file(str(asset_path(f"{name}.xml")))
+    lost = [own for own in whole.joint_names if own.endswith(joint)]
+    for motor in list(spec.actuators):
+        if motor.target in lost:
+            spec.delete(motor)
+    for sensor in list(spec.sensors):
+        if sensor.objname in lost:
+            spec.delete(sensor)
+    for part in [*spec.keys, *map(spec.joint, lost)]:
+        spec.delete(part)
+    kept = [own not in lost for own in whole.joint_names]
+    spec.add_key(name="home", qpos=np.append(whole.home_qpos[:7], whole.home_qpos[7:][kept]))
+    return Robot.from_mjcf(spec)

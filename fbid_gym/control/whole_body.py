@@ -358,7 +358,7 @@ def _read_foot(
                 for k in range(len(limbs.shared)):
                     j = limbs.shared[k]
                     asked[row] -= jacobian[row, j] * motion.reference[j]
-        if feet.asked[i, foot] == MOVES and not limbs.able[foot]:
+        if feet.asked[i, foot] == MOVES and simple == 6 and not limbs.able[foot]:
             _turn_as_able(limbs, terms, i, foot, by_base, by_leg, asked)
         return
     rotation = matrix(terms.world_from_foot, (i, foot))

@@ -16,9 +16,8 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
-from fbid_gym.robots.built_in import asset_path
 from tests.actions.cases import layer_of, without_self_motion
-from tests.postures import bent, turned
+from tests.postures import bent, turned, without
 
 HZ = 250
 
@@ -265,26 +264,9 @@ def test_on_soles_there_is_no_such_gain():
         make_layer("base_acceleration", robot, HZ, kind_of(robot), {"velocity_gain": 5.0})
 
 
-def five_joints_a_leg(name, joint):
-    """A built-in robot without one joint of each leg."""
-    whole, spec = robots.load(name), mujoco.MjSpec.from_file(str(asset_path(f"{name}.xml")))
-    lost = [own for own in whole.joint_names if own.endswith(joint)]
-    for motor in list(spec.actuators):
-        if motor.target in lost:
-            spec.delete(motor)
-    for sensor in list(spec.sensors):
-        if sensor.objname in lost:
-            spec.delete(sensor)
-    for part in [*spec.keys, *map(spec.joint, lost)]:
-        spec.delete(part)
-    kept = [own not in lost for own in whole.joint_names]
-    spec.add_key(name="home", qpos=np.append(whole.home_qpos[:7], whole.home_qpos[7:][kept]))
-    return robots.Robot.from_mjcf(spec)
-
-
 @pytest.mark.parametrize(("name", "joint"), [("g1", "hip_yaw"), ("humanoid", "ankle_roll")])
 def test_feet_that_cannot_be_held_do_not_make_the_base_light(name, joint):
     """Held in directions in which its leg has no joint, a foot makes the inertia indefinite."""
-    five, six = (law_of(own) for own in (five_joints_a_leg(name, joint), robots.load(name)))
+    five, six = (law_of(own) for own in (without(name, joint), robots.load(name)))
     found, expected = (np.linalg.eigvalsh(law.constants.turning_inertia) for law in (five, six))
     np.testing.assert_allclose(found, expected, rtol=0.2)
