@@ -23,7 +23,7 @@ from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
-_VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
+_HALF = 0.5  # of gravity: half the weight more, or half less
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,8 @@ class BaseAcceleration(LawLayer):
     The scale of the action is what the contacts can do: horizontally the acceleration that moves
     the centre of pressure from below the centre of mass to the nearest edge of the support polygon,
     g * margin / height, but no more than friction allows; vertically half of gravity; for tilting
-    the moment that the same shift gives, for turning that of friction, on the home inertia.
+    the moment that the same shift gives, for turning that of friction, on the home inertia. Or it
+    is the same on all robots, see `BodyOptions.action_units`.
 
     Attributes:
         law: from acceleration to torque.
@@ -79,7 +80,10 @@ class BaseAcceleration(LawLayer):
         """
         assumed, priority = contact.on(robot, kind), body.priority(robot, kind)
         law = Law.of(robot, control_hz, assumed, body.gains(robot, kind), priority)
-        scale = action_scale(robot, Stance.of(robot), assumed.coefficient)
+        stance = Stance.of(robot)
+        scale = action_scale(robot, stance, assumed.coefficient)
+        if body.action_units == "robot":
+            scale = robot.gravity * np.repeat([_HALF, 2.0 / stance.home_com[2]], 3)
         body.check_priority_action(law.limited)
         return cls(law, scale, assumed, priority, body.priority_action)
 
@@ -132,4 +136,4 @@ def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     # About an axis of the base: until one about an axis of the trunk is at its end.
     share = np.maximum(np.abs(base_from_trunk(robot)), 1e-9)
     moment = (np.append(tilting, turning) / share).min(axis=1)
-    return np.concatenate([linear, [_VERTICAL_SCALE * robot.gravity], moment / inertia])
+    return np.concatenate([linear, [_HALF * robot.gravity], moment / inertia])

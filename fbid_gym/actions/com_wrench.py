@@ -36,7 +36,7 @@ BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
 """The papers' balancers -> what they are in `fbid_gym.control.balancers`."""
 
 _INVERSE_DYNAMICS = "inverse_dynamics"
-_VERTICAL_SCALE = 0.5  # of the weight
+_HALF = 0.5  # of the weight
 _PAPERS = {
     "balance": Falling(1.2),
     "height": Falling(2.0),
@@ -66,7 +66,8 @@ class ComWrench(LawLayer):
     The scale of the action is what the contacts can do: horizontally the force that moves the
     centre of pressure from below the centre of mass to the nearest edge of the support polygon,
     weight * margin / height, but no more than friction allows; vertically half of the weight; for
-    tilting the moment of the same shift, weight * margin, for turning that of friction.
+    tilting the moment of the same shift, weight * margin, for turning that of friction. Or it is
+    the same on all robots, see `BodyOptions.action_units`.
 
     Attributes:
         law: from action to torque.
@@ -111,7 +112,10 @@ class ComWrench(LawLayer):
                 pair of gains.
         """
         assumed = contact.on(robot, kind)
-        scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
+        stance = Stance.of(robot)
+        scale = wrench_scale_of(robot, stance, assumed.coefficient)
+        if body.action_units == "robot":
+            scale = robot.weight * _HALF * np.repeat([1.0, stance.home_com[2]], 3)
         limited = assumed.limits(robot) is not None
         body.check_priority_action(limited and balancer == _INVERSE_DYNAMICS)
         if balancer != _INVERSE_DYNAMICS:
@@ -244,5 +248,5 @@ def wrench_scale_of(robot: Robot, stance: Stance, friction: float) -> np.ndarray
     margin = stance.margin
     pressed = np.minimum(margin / stance.home_com[2], friction)
     return robot.weight * np.concatenate(
-        [pressed, [_VERTICAL_SCALE], margin[::-1], [friction * stance.radius]]
+        [pressed, [_HALF], margin[::-1], [friction * stance.radius]]
     )

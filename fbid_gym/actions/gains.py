@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.ranges import DampingRatio, Falling, Priority, Response, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.options import Number, check_fields
+from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.quantities import BodyGains, Memory
 from fbid_gym.robots import Robot
 
@@ -91,6 +91,10 @@ class BodyOptions:
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
     contact forces."""
+    action_units: Annotated[str, Choice(("contacts", "robot"))] = "contacts"
+    """What 1 in the action means: "contacts", as much as the home stance can do; "robot", the same
+    on all robots in their own units, for a policy of many: accelerations of half of gravity and of
+    2 g / h, or half of the weight and of weight times h, h the height of the centre of mass."""
 
     def __post_init__(self) -> None:
         """Check them."""

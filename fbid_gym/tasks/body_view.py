@@ -13,6 +13,13 @@ import numpy as np
 from fbid_gym.tasks.body import Body, Units
 from fbid_gym.tasks.observation import FORCES, Group, Groups
 
+_HEIGHT = Group(
+    ("height of the base above the ground, from the gait's (m)",),
+    10.0,
+    lambda m: (m.motion.height - m.motion.height_command)[:, None],
+)
+"""Robots whose legs are straight at home walk lower, by as much as tells which robot it is."""
+
 _UNIT = re.compile(r"\((m/s|rad/s|m)(,[^()]*)?\)$")
 _OWN = {"m": "h", "m/s": "sqrt(g h)", "rad/s": "sqrt(g / h)"}
 
@@ -37,7 +44,7 @@ def body_view(groups: Groups, body: Body) -> Groups:
     for name, group in groups.items():
         if _is_of_each(group, robot.joint_names):
             continue
-        named = group
+        named = _HEIGHT if name == "height" else group
         if _is_of_each(group, robot.foot_names):
             rest = [n.removeprefix(f) for n, f in zip(group.names, robot.foot_names, strict=True)]
             named = group._replace(names=tuple(f"foot {k}{word}" for k, word in enumerate(rest)))
