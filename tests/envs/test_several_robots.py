@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load, several, zoo
@@ -73,6 +74,25 @@ def test_feet_in_another_order_are_seen_and_steered_alike() -> None:
     for _ in range(5):
         seen = [batch.step(action).observation for batch in batches]
         np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
+
+
+@pytest.mark.parametrize("robot", [*ROBOTS, "quadruped"])
+@pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench"])
+def test_units_are_the_robots_own(robot, layer) -> None:
+    """Of heights, too: legs that are straight at home walk lower, by as much as they are long."""
+    own = {"robot": robot, "action_layer": layer, "layer_options": {"action_units": "robot"}}
+    batch = started(WALK | own, 2)
+    given = batch.robot
+    height = Stance.of(given).home_com[2]
+    place = [name.startswith("height of the base") for name in batch.observation_names].index(True)
+    for _ in range(5):
+        step = batch.step(np.zeros((2, len(batch.action_names))))
+        error = step.info["height_error"] / height
+        np.testing.assert_allclose(step.observation[:, place], error, atol=1e-6)
+    force, moment = given.weight, given.weight * height
+    if layer == "base_acceleration":
+        force, moment = given.gravity, 4.0 * given.gravity / height
+    np.testing.assert_allclose(batch.loop.layer.scale, np.repeat([0.5 * force, 0.5 * moment], 3))
 
 
 def test_forces_follow_the_feet_into_their_order() -> None:
