@@ -292,8 +292,9 @@ class Robot:
             home: joint name -> rad (m for slides), the rest from the default; or a whole qpos
                 (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for
                 where the file has no keyframe of that name.
-                Default: the keyframe "home" if there is one, else the model's reference pose moved
-                into the joint ranges. The base is always put above the origin, with its x axis
+                Default: the keyframe "home" if there is one; else of a URDF "stand", if there is
+                such a pose; else the model's reference pose moved into the joint ranges, which {}
+                asks for, too. The base is always put above the origin, with its x axis
                 along the world's as seen from above, and so high that the lowest contact point
                 touches z = 0.
             base: a top-level body that shall float, if the file has no free joint.
@@ -341,8 +342,15 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
     refuse_wheels(start, [foot.body for foot in found])
     if named is None:
         notes += [f"Feet found: {', '.join(foot.name for foot in found)}."]
-    if stands_up(plain, home):
-        found, qpos = stand_up(start, found, named)
+    asked = stands_up(plain, home)
+    if asked or (home is None and source.is_urdf):  # in whose reference pose all joints are at 0
+        try:
+            found, qpos = stand_up(start, found, named)
+            notes += [] if asked else ["Home is a standing pose that was searched for."]
+        except RobotError as reason:
+            if asked:
+                raise
+            notes += [f"Home is the reference pose. {reason}"]
     at_home = MeasuredModel(plain, on_the_ground(plain, qpos, found))
 
     notes += exclude_overlaps(spec, at_home, bodies)

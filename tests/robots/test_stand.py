@@ -53,6 +53,18 @@ def test_straight_legs_bend_even_where_ranges_do_not_say_which_way() -> None:
     assert robot.home_qpos[2] == pytest.approx(0.7 * 0.4 + 0.02, abs=0.02)
 
 
+def test_a_urdf_stands_unless_told_otherwise_or_it_cannot() -> None:
+    """Its reference pose is where all joints are at 0: straight legs, or folded ones."""
+    given, reference = Robot.from_mjcf(urdf()), Robot.from_mjcf(urdf(), home={})
+    np.testing.assert_array_equal(given.home_qpos, Robot.from_mjcf(urdf(), home="stand").home_qpos)
+    assert "Home is a standing pose that was searched for." in given.notes
+    assert np.all(reference.home_qpos[7:] == 0.0)
+    ahead = '<inertial><origin xyz="1 0 0"/><mass value="5.0"/>'
+    falls = Robot.from_mjcf(urdf().replace('<inertial><mass value="5.0"/>', ahead))
+    assert any("reference pose. No standing pose found" in note for note in falls.notes)
+    assert np.all(falls.home_qpos[7:] == 0.0)
+
+
 def test_feet_that_no_hinge_moves() -> None:
     text = """
     <mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>

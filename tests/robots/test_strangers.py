@@ -239,7 +239,7 @@ def test_bodies_that_lie_in_one_another_at_home_touch_no_more() -> None:
     # A parent is no pair of its own: the knee's link reaches into the trunk.
     name = 'name="front_left_lower">'
     reach = '<collision><origin xyz="0 0 0.2"/><geometry><sphere radius="0.04"/></geometry>'
-    robot = Robot.from_mjcf(text.replace(name, name + reach + "</collision>"))
+    robot = Robot.from_mjcf(text.replace(name, name + reach + "</collision>"), home={})
     assert noted(robot, "Lie in one another at home, and touch no more: trunk and front_left_lower")
     data = posed(robot)
     assert not np.any(robot.model.body_weldid[robot.model.geom_bodyid[data.contact.geom]].all(1))
