@@ -62,7 +62,7 @@ def stand_up(
 
 
 def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
-    """Find a pose in which the robot stands: the joints change, the base keeps its orientation.
+    """Find a pose in which the robot stands: its legs bend, the base keeps its orientation.
 
     All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
     of a straight leg's length from their feet (70 % on more than two feet) and joints are within
@@ -89,21 +89,30 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
         "No standing pose found: joints {} have no range to move in.",
     )
     wanted = scene.bent(low, high)
+    moving = np.array(sorted({j for foot in feet for j in start.hinges_above(foot.body)}))
+    free = model.jnt_dofadr[moving] - 6  # arms stay
+
+    def posed(angles: np.ndarray) -> np.ndarray:
+        pose = wanted.copy()
+        pose[free] = angles
+        return pose
+
     found = least_squares(
-        lambda angles: np.concatenate([scene.residuals(angles), _SHY * (angles - wanted)]),
-        wanted,
-        bounds=(low, high),
+        lambda x: np.concatenate([scene.residuals(posed(x)), _SHY * (x - wanted[free])]),
+        wanted[free],
+        bounds=(low[free], high[free]),
         jac="3-point",  # by one-sided differences it ends where rounding has it, 1e-4 rad apart
         max_nfev=200,
     )
-    uneven, off = scene.failings(found.x)
+    angles = posed(found.x)
+    uneven, off = scene.failings(angles)
     if max(uneven, off) > _TOLERANCE:
         raise RobotError(
             f"No standing pose found: contact points differ by {uneven * scene.length:.3g} m in "
             f"height, and the centre of mass is {off * scene.length:.3g} m off their middle, at "
             "best. Give home= as a whole pose."
         )
-    return np.concatenate([start.qpos[:7], np.clip(np.round(found.x, _DIGITS), low, high)])
+    return np.concatenate([start.qpos[:7], np.clip(np.round(angles, _DIGITS), low, high)])
 
 
 class _View(NamedTuple):
