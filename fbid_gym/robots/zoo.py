@@ -81,10 +81,9 @@ class Morphology:
     bend: float  # rad, by which upper and lower leg lean, one this way and one that, on average
     knees: tuple[int, ...]  # sign of each pair's knees: 1 ahead of the leg, -1 behind it
     trunk: tuple[float, float, float]  # half sizes
-    trunk_share: float  # of the mass
     width: float  # from the middle to the hips
-    # Of the mass: hips, which are on the trunk, upper legs, lower legs and feet.
-    shares: tuple[float, float, float, float]
+    # Of the mass: trunk, hips, which are on it, upper legs, lower legs and feet.
+    shares: tuple[float, float, float, float, float]
     motors_high: bool  # whether most of an upper leg's mass is near the hip
 
     @property
@@ -127,9 +126,12 @@ def draw(seed: int, family: str = "") -> Morphology:
             width := leg * float(rng.uniform(0.15, 0.25)),
             leg * float(rng.uniform(0.1, 0.3)),
         ),
-        trunk_share=(share := float(rng.uniform(0.4, 0.7))),
         width=width,
-        shares=(0.0, 0.6 * (1.0 - share), 0.3 * (1.0 - share), 0.1 * (1.0 - share)),
+        shares=(
+            trunk := float(rng.uniform(0.4, 0.7)),
+            0.0,
+            *((1.0 - trunk) * np.array([0.6, 0.3, 0.1])),
+        ),
         motors_high=False,
     )
     return _like_robots(animal, rng) if family == "quadruped" else animal
@@ -145,9 +147,8 @@ def _like_robots(animal: Morphology, rng: np.random.Generator) -> Morphology:
         animal,
         bend=float(rng.uniform(0.2, 0.75)),
         trunk=(leg * float(rng.uniform(0.45, 0.65)), *animal.trunk[1:]),
-        trunk_share=1.0 - hips - upper - below,
         width=leg * float(rng.uniform(0.25, 0.43)),
-        shares=(hips, upper, 0.8 * below, 0.2 * below),
+        shares=(1.0 - hips - upper - below, hips, upper, 0.8 * below, 0.2 * below),
         motors_high=True,
     )
 
@@ -233,8 +234,8 @@ def mjcf(robot: Morphology) -> str:
         <body name="trunk" pos="0 0 {height:.17g}">
           <freejoint/>
           <geom type="box" size="{_numbers(robot.trunk)}"
-            mass="{robot.mass * robot.trunk_share:.17g}"/>
-          {"".join(_hip(robot, leg) for leg in legs if robot.shares[0])}
+            mass="{robot.mass * robot.shares[0]:.17g}"/>
+          {"".join(_hip(robot, leg) for leg in legs if robot.shares[1])}
           {"".join(_leg(robot, leg) for leg in legs)}
         </body>
       </worldbody>
@@ -265,7 +266,7 @@ def _leg_of(robot: Morphology, number: int) -> tuple[np.ndarray, np.ndarray, np.
 
 def _hip(robot: Morphology, number: int) -> str:
     """A ball on the trunk, where a leg hangs."""
-    place, mass = _numbers(_leg_of(robot, number)[0]), robot.mass * robot.shares[0] / robot.legs
+    place, mass = _numbers(_leg_of(robot, number)[0]), robot.mass * robot.shares[1] / robot.legs
     return f'<geom type="sphere" size="{0.1 * robot.leg:.9g}" pos="{place}" mass="{mass:.17g}"/>'
 
 
@@ -279,7 +280,7 @@ def _leg(robot: Morphology, number: int) -> str:
         joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="-1.2 1.2"/>'
     hip, knee, shank = _leg_of(robot, number)
     thick = 0.04 * robot.leg
-    _, upper, lower, foot = (robot.mass * share / robot.legs for share in robot.shares)
+    upper, lower, foot = (robot.mass * share / robot.legs for share in robot.shares[2:])
     thigh = _link(knee, thick, upper)
     if robot.motors_high:
         thigh = _link(0.4 * knee, 2.0 * thick, 0.8 * upper) + _link(knee, thick, 0.2 * upper)
