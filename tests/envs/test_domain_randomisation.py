@@ -192,7 +192,7 @@ def test_motors_give_their_share_of_what_is_commanded():
 def test_strong_motors_give_their_share_through_joints_of_limited_force():
     """Every joint of a URDF has such a limit."""
     strength = {"motor_strength": (1.2, 1.2)}
-    own = {"robot": robots.Robot.from_mjcf(urdf()), "action_layer": "torque"}
+    own = {"robot": robots.Robot.from_mjcf(urdf(), home={}), "action_layer": "torque"}
     env, batch = build("fbid_gym/QuadrupedBalance-v0", strength, **own)
     assert batch.robot.model.jnt_actfrclimited[1:].all()
     given = batch.simulation.batch.bind("qfrc_actuator")
