@@ -95,7 +95,7 @@ LINES = {
     "estimation": 2176,
     "motions": 3874,
     "policy": 652,
-    "robots": 5963,
+    "robots": 5961,
     "runtime": 1922,
     "tasks": 2331,
 }

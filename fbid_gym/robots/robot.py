@@ -289,14 +289,12 @@ class Robot:
                 body; its spheres are equal. Of a body, the points are those where its geometry
                 touches level ground at home. Default: the lowest bodies at the ends of the limbs.
             name: the robot's name; the model's name by default.
-            home: joint name -> rad (m for slides), the rest from the default; or a whole qpos
-                (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for
-                where the file has no keyframe of that name.
-                Default: the keyframe "home" if there is one; else of a URDF "stand", if there is
-                such a pose; else the model's reference pose moved into the joint ranges, which {}
-                asks for, too. The base is always put above the origin, with its x axis
-                along the world's as seen from above, and so high that the lowest contact point
-                touches z = 0.
+            home: joint name -> rad (m for slides), the rest from the keyframe "home", or else the
+                model's reference pose moved into the joint ranges; or a whole qpos (nq,); or the
+                name of a keyframe; or "stand", a standing pose that is searched for where the file
+                has no keyframe of that name. Default: "stand" of a URDF, if there is such a pose;
+                else {}. The base is always put above the origin, with its x axis along the world's
+                as seen from above, and so high that the lowest contact point touches z = 0.
             base: a top-level body that shall float, if the file has no free joint.
             torque_limit: N·m (N for slides), one for all joints or by name or pattern ("*_knee");
                 in place of the file's limits, and for joints without motor.

@@ -128,9 +128,9 @@ def draw(seed: int, family: str = "") -> Morphology:
         ),
         width=width,
         shares=(
-            trunk := float(rng.uniform(0.4, 0.7)),
+            share := float(rng.uniform(0.4, 0.7)),
             0.0,
-            *((1.0 - trunk) * np.array([0.6, 0.3, 0.1])),
+            *((1.0 - share) * np.array([0.6, 0.3, 0.1])),
         ),
         motors_high=False,
     )
