@@ -23,8 +23,6 @@ from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
-_HALF = 0.5  # of gravity: half the weight more, or half less
-
 
 @dataclass(frozen=True, eq=False)
 class BaseAcceleration(LawLayer):
@@ -81,9 +79,10 @@ class BaseAcceleration(LawLayer):
         assumed, priority = contact.on(robot, kind), body.priority(robot, kind)
         law = Law.of(robot, control_hz, assumed, body.gains(robot, kind), priority)
         stance = Stance.of(robot)
-        scale = action_scale(robot, stance, assumed.coefficient)
         if body.action_units == "robot":
-            scale = robot.gravity * np.repeat([_HALF, 2.0 / stance.home_com[2]], 3)
+            scale = robot.gravity * np.repeat([0.5, 2.0 / stance.home_com[2]], 3)
+        else:
+            scale = action_scale(robot, stance, assumed.coefficient)
         body.check_priority_action(law.limited)
         return cls(law, scale, assumed, priority, body.priority_action)
 
@@ -136,4 +135,4 @@ def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     # About an axis of the base: until one about an axis of the trunk is at its end.
     share = np.maximum(np.abs(base_from_trunk(robot)), 1e-9)
     moment = (np.append(tilting, turning) / share).min(axis=1)
-    return np.concatenate([linear, [_HALF * robot.gravity], moment / inertia])
+    return np.concatenate([linear, [0.5 * robot.gravity], moment / inertia])

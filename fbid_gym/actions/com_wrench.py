@@ -36,7 +36,6 @@ BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
 """The papers' balancers -> what they are in `fbid_gym.control.balancers`."""
 
 _INVERSE_DYNAMICS = "inverse_dynamics"
-_HALF = 0.5  # of the weight
 _PAPERS = {
     "balance": Falling(1.2),
     "height": Falling(2.0),
@@ -113,9 +112,10 @@ class ComWrench(LawLayer):
         """
         assumed = contact.on(robot, kind)
         stance = Stance.of(robot)
-        scale = wrench_scale_of(robot, stance, assumed.coefficient)
         if body.action_units == "robot":
-            scale = robot.weight * _HALF * np.repeat([1.0, stance.home_com[2]], 3)
+            scale = 0.5 * robot.weight * np.repeat([1.0, stance.home_com[2]], 3)
+        else:
+            scale = wrench_scale_of(robot, stance, assumed.coefficient)
         limited = assumed.limits(robot) is not None
         body.check_priority_action(limited and balancer == _INVERSE_DYNAMICS)
         if balancer != _INVERSE_DYNAMICS:
@@ -247,6 +247,4 @@ def wrench_scale_of(robot: Robot, stance: Stance, friction: float) -> np.ndarray
     """What action 1 means, see `ComWrench`: (6,) N and N·m."""
     margin = stance.margin
     pressed = np.minimum(margin / stance.home_com[2], friction)
-    return robot.weight * np.concatenate(
-        [pressed, [_HALF], margin[::-1], [friction * stance.radius]]
-    )
+    return robot.weight * np.concatenate([pressed, [0.5], margin[::-1], [friction * stance.radius]])

@@ -79,7 +79,7 @@ def test_feet_in_another_order_are_seen_and_steered_alike() -> None:
 @pytest.mark.parametrize("robot", [*ROBOTS, "quadruped"])
 @pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench"])
 def test_units_are_the_robots_own(robot, layer) -> None:
-    """Of heights, too: legs that are straight at home walk lower, by as much as they are long."""
+    """Heights are from the gait's: a robot whose legs are straight at home walks lower."""
     own = {"robot": robot, "action_layer": layer, "layer_options": {"action_units": "robot"}}
     batch = started(WALK | own, 2)
     given = batch.robot
