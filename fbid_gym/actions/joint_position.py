@@ -89,7 +89,7 @@ class JointPosition:
             scale: rad (m for slides) at action 1.
             pendulum: whether legs carry the weight along the line from the gait's centre of
                 pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
-                the home stance. Default: on soles, where a gait is followed.
+                the home stance. Default: where a gait is followed.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
 
         Raises:
@@ -100,7 +100,7 @@ class JointPosition:
         followed = kind._replace(gait=kind.gait and not at_home)
         if pendulum and not followed.gait:
             raise InvalidValueError("pendulum", pendulum, "False or None where no gait is followed")
-        falls = followed.gait and robot.has_soles if pendulum is None else pendulum
+        falls = followed.gait if pendulum is None else pendulum
         usual = default_frequency(kind._replace(gait=falls), robot)
         asked = natural_frequency, damping_ratio
         gains = _gains(robot, control_hz, asked, usual, loop_delay)

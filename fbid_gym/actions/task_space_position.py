@@ -117,8 +117,9 @@ class TaskSpacePosition:
             control_hz: control ticks per second.
             kind: of motion.
             gravity: whether the weight of every link is compensated where the robot is, with the
-                ground's forces where the target has the centre of pressure. Else the torques of
-                the home stance are held, as by `joint_position`.
+                ground's forces where the target has the centre of pressure. Else a gait's weight is
+                carried as a pendulum, and the torques of the home stance are held otherwise, as by
+                `joint_position`.
             natural_frequency: f in Hz. Default: that of `joint_position`.
             damping_ratio: zeta of the joints.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
@@ -137,7 +138,7 @@ class TaskSpacePosition:
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))
         stiffness = _stiffness(robot, control_hz, joints, held, loop_delay)
         calm = _calm(robot, control_hz, stiffness, held, missing_damping(joints), loop_delay)
-        falls = gravity or (kind.gait and robot.has_soles)
+        falls = gravity or kind.gait
         return cls(
             robot=robot,
             reach=Reach(legs._replace(calm=calm), stiffness, held, scale * height),
