@@ -72,6 +72,11 @@ def stands_up(model: mujoco.MjModel, home: object) -> bool:
     return isinstance(home, str) and home == STAND and STAND not in known
 
 
+def of_nobody(model: mujoco.MjModel, home: object) -> bool:
+    """Whether neither the user nor a keyframe says what the home pose is."""
+    return home is None and _KEYFRAME not in [model.key(i).name for i in range(model.nkey)]
+
+
 def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
     """Return a pose (nq,) with the lowest contact point at z = 0."""
     raised, data = qpos.copy(), MeasuredModel(model, qpos).data

@@ -17,7 +17,7 @@ from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors, sensor_columns
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
-from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
+from fbid_gym.robots.home import home_pose, of_nobody, on_the_ground, stands_up
 from fbid_gym.robots.measured_model import LEGS, MeasuredModel
 from fbid_gym.robots.motors import (
     ServoGains,
@@ -29,7 +29,7 @@ from fbid_gym.robots.motors import (
 from fbid_gym.robots.normalise import exclude_overlaps, normalise, simulate_well
 from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.source import RobotSource, Source
-from fbid_gym.robots.stand import stand_up
+from fbid_gym.robots.stand import check_clear, stand_up, stands
 from fbid_gym.robots.touching import refuse_wheels
 from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
 
@@ -292,9 +292,11 @@ class Robot:
             home: joint name -> rad (m for slides), the rest from the keyframe "home", or else the
                 model's reference pose moved into the joint ranges; or a whole qpos (nq,); or the
                 name of a keyframe; or "stand", a standing pose that is searched for where the file
-                has no keyframe of that name. Default: "stand" of a URDF, if there is such a pose;
-                else {}. The base is always put above the origin, with its x axis along the world's
-                as seen from above, and so high that the lowest contact point touches z = 0.
+                has no keyframe of that name. Default: "stand", if there is such a pose, of a URDF,
+                and of an MJCF without a keyframe "home" whose reference pose is no stance: a leg is
+                straight, or the centre of mass is not above the feet; else {}. The base is always
+                put above the origin, with its x axis along the world's as seen from above, and so
+                high that the lowest contact point touches z = 0.
             base: a top-level body that shall float, if the file has no free joint.
             torque_limit: N·m (N for slides), one for all joints or by name or pattern ("*_knee");
                 in place of the file's limits, and for joints without motor.
@@ -341,10 +343,14 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
     if named is None:
         notes += [f"Feet found: {', '.join(foot.name for foot in found)}."]
     asked = stands_up(plain, home)
-    if asked or (home is None and source.is_urdf):  # in whose reference pose all joints are at 0
+    # In the reference pose of a URDF all joints are at 0, that of an MJCF may be drawn as a stance.
+    if asked or (of_nobody(plain, home) and (source.is_urdf or not stands(start, found))):
         try:
-            found, qpos = stand_up(start, found, named)
-            notes += [] if asked else ["Home is a standing pose that was searched for."]
+            standing, pose = stand_up(start, found, named)
+            if not asked:
+                check_clear(MeasuredModel(plain, pose), standing)
+                notes += ["Home is a standing pose that was searched for."]
+            found, qpos = standing, pose
         except RobotError as reason:
             if asked:
                 raise

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.feet import Foot, foot_of_body, named_by_body
+from fbid_gym.robots.feet import Foot, contacts, foot_of_body, named_by_body
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range, moving_joints, refuse
 from fbid_gym.robots.touching import TILTED, side_below, tilt_of
@@ -27,6 +27,9 @@ like that: whoever stands higher sinks when a gait begins."""
 _FIRM, _WISH, _FACING, _SHY = 100.0, 0.3, 0.1, 0.02
 _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
+_UPRIGHT, _OVER = 0.98, 0.1
+"""Of a stance that a file draws: each leg is shorter than this share of its length when straight, and
+the centre of mass is no farther off the middle of the feet, in lengths of a leg."""
 _DIGITS = 7
 
 _NARROW = 0.05  # width per length below which points span no area
@@ -59,6 +62,32 @@ def stand_up(
         with suppress(RobotError):
             return soles, standing_pose(start, soles)
     return feet, standing_pose(start, feet)
+
+
+def stands(start: MeasuredModel, feet: Sequence[Foot]) -> bool:
+    """Whether a pose may be a stance: no leg is straight, the centre of mass is above the feet."""
+    try:
+        scene = _Scene(start, feet)
+    except RobotError:
+        return True  # nor is there a way to find a better one
+    return bool(scene.stretch.max() < _UPRIGHT and scene.failings(start.qpos[7:])[1] < _OVER)
+
+
+def check_clear(pose: MeasuredModel, feet: Sequence[Foot]) -> None:
+    """Refuse a pose in which something else is lower than the feet.
+
+    Raises:
+        RobotError: names the body.
+    """
+    weld, bodies = pose.model.body_weldid, pose.model.geom_bodyid
+    of_feet = np.isin(weld[bodies], weld[[foot.body for foot in feet]])
+    others = np.flatnonzero(pose.touching & ~pose.ground & ~of_feet).tolist()
+    below = contacts(feet, pose.data)[:, 2].min() - pose.lowest(others)
+    if below > _TOLERANCE * pose.com[2]:
+        name = pose.body_name(bodies[min(others, key=lambda geom: pose.lowest([geom]))])
+        raise RobotError(
+            f"No standing pose found: body {name!r} would be {1e3 * below:.3g} mm in the ground."
+        )
 
 
 def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
@@ -139,6 +168,11 @@ class _Scene:
         links = np.diff(self._before.legs, axis=1)
         self._straight = np.linalg.norm(links, axis=2).sum(axis=1)
         self.length = float(self._straight.mean())
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """(F,) lengths of the legs at the start, of theirs when straight."""
+        return self._before.stretch / self._straight
 
     def bent(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Bend knees: a straight leg does not know which way.

@@ -65,6 +65,29 @@ def test_a_urdf_stands_unless_told_otherwise_or_it_cannot() -> None:
     assert np.all(falls.home_qpos[7:] == 0.0)
 
 
+def test_an_mjcf_whose_reference_pose_is_no_stance_stands_up() -> None:
+    """Straight legs are none, nor feet behind the centre of mass; a keyframe is as it is."""
+    straight, searched = two_legs(BOX), "Home is a standing pose that was searched for."
+    joints = {"torque_limit": 100, "armature": 0.01}
+    robot = Robot.from_mjcf(straight, **joints)
+    assert searched in robot.notes
+    assert_stands(robot, robot.home_qpos, 1e-3)
+    key = '<keyframe><key name="home"/></keyframe></mujoco>'
+    for drawn in (straight.replace("</mujoco>", key), zoo.mjcf(zoo.draw(22))):
+        kept = Robot.from_mjcf(drawn, torque_limit=100)
+        assert searched not in kept.notes
+        np.testing.assert_array_equal(kept.home_qpos[7:], 0.0)
+
+
+def test_other_legs_than_the_feet_do_not_end_in_the_ground() -> None:
+    """Two of four feet are told: if their legs bend, the others are lower."""
+    animal = zoo.draw(22)
+    text = zoo.mjcf(animal)
+    robot = Robot.from_mjcf(text, ["foot0", "foot1"], torque_limit=zoo.torque_limit(animal))
+    assert any("would be" in note and "mm in the ground" in note for note in robot.notes)
+    np.testing.assert_array_equal(robot.home_qpos[7:], 0.0)
+
+
 def test_feet_that_no_hinge_moves() -> None:
     text = """
     <mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>
