@@ -28,8 +28,8 @@ _FIRM, _WISH, _FACING, _SHY = 100.0, 0.3, 0.1, 0.02
 _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
 _UPRIGHT, _OVER = 0.98, 0.1
-"""Of a stance that a file draws: each leg is shorter than this share of its length when straight, and
-the centre of mass is no farther off the middle of the feet, in lengths of a leg."""
+"""Of a stance that a file draws: each leg is shorter than this share of its length when straight,
+and the centre of mass is no farther off the middle of the feet, in lengths of a leg."""
 _DIGITS = 7
 
 _NARROW = 0.05  # width per length below which points span no area
