@@ -70,7 +70,7 @@ class MeasuredModel:
     def touching(self) -> np.ndarray:
         """(ngeom,) bool, geoms that can touch the ground.
 
-        A `<pair>` does not count: no robot has one with the ground, see `unmodelled`.
+        A `<pair>` does not count: no robot has one with the ground, see `normalise`.
         """
         return (self.model.geom_contype != 0) | (self.model.geom_conaffinity != 0)
 

@@ -64,6 +64,7 @@ def normalise(source: Source, base: str | None) -> Normal:
     if base is not None and not any(map(_is_free, spec.joints)):
         notes += _float(spec, base, source.label)
     notes += _switch_off(spec)
+    notes += _touch_all_ground(spec)
     mends = [_mend_shells, _mend_inertias]
     while True:
         try:
@@ -202,6 +203,36 @@ def _switch_off(spec: mujoco.MjSpec) -> list[str]:
             geom.margin = 0.5 * option.o_margin
         notes.append("Contacts as <flag override> has them, on every geom.")
     return notes
+
+
+def _touch_all_ground(spec: mujoco.MjSpec) -> list[str]:
+    """Let what touches the ground by a `<pair>` touch any ground, by the pair's numbers.
+
+    Terrain is in no pair, and a pair has a friction of its own, which nothing randomises. The
+    ground may be in another file, which includes that of the robot.
+    """
+    moving = {geom.name: _moves(geom.parent) for geom in spec.geoms}
+    priority, touch = 1 + max([geom.priority for geom in spec.geoms], default=0), list[str]()
+    for pair in list(spec.pairs):
+        own, ground = pair.geomname1, pair.geomname2
+        if not moving.get(own):
+            own, ground = ground, own
+        if not moving.get(own) or moving.get(ground, not all(moving.values())):
+            continue
+        foot, floor = spec.geom(own), spec.geom(ground)
+        for geom, bits in ((foot, "conaffinity"), (floor, "contype")):
+            if geom is not None:
+                setattr(geom, bits, getattr(geom, bits) | 1)
+        foot.condim, foot.friction = pair.condim, pair.friction[[0, 2, 3]]
+        foot.solref, foot.solimp, foot.priority = pair.solref, pair.solimp, priority
+        spec.delete(pair)
+        touch.append(own)
+    return [f"Touch any ground, not only that of a <pair>: {listed(touch)}."] if touch else []
+
+
+def _moves(body: mujoco.MjsBody | None) -> bool:
+    """Whether a body is not fixed to the world."""
+    return body is not None and (len(list(body.joints)) > 0 or _moves(body.parent))
 
 
 def _mend_shells(spec: mujoco.MjSpec, error: str) -> list[str]:

@@ -31,7 +31,7 @@ _BAD = _WARN.mjWARN_INERTIA, _WARN.mjWARN_BADQPOS, _WARN.mjWARN_BADQVEL, _WARN.m
 
 
 def refuse_unmodelled(model: mujoco.MjModel) -> int:
-    """Refuse all but one floating tree, forces that laws lack, and contacts that terrain lacks.
+    """Refuse all but one floating tree, and forces that laws lack.
 
     Tendons that only measure are none of these.
 
@@ -54,7 +54,6 @@ def refuse_unmodelled(model: mujoco.MjModel) -> int:
         "Expected bodies that weigh what their mass says.",
     )
     _refuse_options(model.opt)
-    _refuse_pairs(model)
     return base
 
 
@@ -126,21 +125,6 @@ def _refuse_options(option: mujoco.MjOption) -> None:
         if np.any(value):
             raise RobotError(
                 f"A fluid about the robot is not supported: {name} {value} of <option>. Expected 0."
-            )
-
-
-def _refuse_pairs(model: mujoco.MjModel) -> None:
-    """Terrain is in no pair, and a pair has a friction of its own, which nothing randomises."""
-    for pair in np.column_stack([model.pair_geom1, model.pair_geom2]):
-        bodies = model.geom_bodyid[pair]
-        still, moving = np.argsort(model.body_weldid[bodies] != 0, kind="stable")
-        if model.body_weldid[bodies[still]] == 0 != model.body_weldid[bodies[moving]]:
-            body = object_name(model, _OBJ.mjOBJ_BODY, int(bodies[moving]))
-            names = object_names(model, _OBJ.mjOBJ_GEOM, pair)
-            raise RobotError(
-                f"Geom {names[moving]!r} of body {body!r} touches the ground ({names[still]!r}) "
-                "by a <pair>. Expected feet that touch by contype and conaffinity, as every "
-                "terrain does, and no pair with the ground."
             )
 
 

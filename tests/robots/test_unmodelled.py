@@ -5,6 +5,7 @@ import pytest
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
+from fbid_gym.robots.home_check import friction_of_feet
 from fbid_gym.runtime.config import EnvConfig
 from tests.postures import posed
 from tests.robots.test_robot_errors import GOOD, fails
@@ -76,12 +77,16 @@ def test_what_acts_on_the_whole_robot_is_refused(text: str, message: str) -> Non
         Robot.from_mjcf(text, ["toe"])
 
 
-@pytest.mark.parametrize("feet", [["toe"], ["shank"], None])
-def test_feet_that_touch_the_ground_by_pairs_are_refused(feet: list[str] | None) -> None:
-    """No terrain is in a pair, and no friction that is drawn reaches one."""
-    message = "Geom 'toe' of body 'shank' touches the ground ('floor') by a <pair>. Expected feet"
-    with fails(RobotError, message):
-        Robot.from_mjcf(paired("toe"), feet)
+@pytest.mark.parametrize("floor", [FLOOR, "<worldbody>"])
+def test_feet_that_touch_the_ground_by_pairs_touch_any_ground(floor: str) -> None:
+    """By the pair's friction; no terrain is in a pair. The ground may be in another file."""
+    pair = '<pair geom1="floor" geom2="toe" condim="3" friction="0.4 0.4"'
+    text = paired("toe").replace(FLOOR, floor).replace('<pair geom1="floor" geom2="toe"', pair)
+    robot = Robot.from_mjcf(text, ["toe"])
+    assert robot.model.npair == 0
+    assert "Touch any ground, not only that of a <pair>: toe." in robot.notes
+    assert friction_of_feet(robot.at_home, robot.feet) == 0.4
+    assert not any("carry nothing" in sentence for sentence in robot.check())
 
 
 def test_pairs_of_the_robots_own_parts_are_no_touch_of_the_ground() -> None:
