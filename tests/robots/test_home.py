@@ -35,10 +35,10 @@ def test_place_and_heading_in_the_file_do_not_matter(tilt: str) -> None:
     level = tilt.split() or ["0", "0", "0"]
     spec = "{} euler='{}'"
     text = place(spec.format('pos="0 0 1"', " ".join(["0", level[1], level[0]])))
-    plain = read(text.replace('angle="radian"', HEADING_FIRST))
+    plain = read(text.replace('angle="radian"', HEADING_FIRST), home={})
     for heading in ("0.7", "-2.5", "3.1415926535897931"):
         turned = place(spec.format('pos="0.4 -0.3 1"', " ".join([heading, level[1], level[0]])))
-        moved = read(turned.replace('angle="radian"', HEADING_FIRST))
+        moved = read(turned.replace('angle="radian"', HEADING_FIRST), home={})
         np.testing.assert_allclose(moved.home_qpos, plain.home_qpos, atol=1e-12)
         assert abs(rotation(moved)[1, 0]) < 1e-12 < rotation(moved)[0, 0]
         numbers = " ".join(f"{x:.17g}" for x in moved.model.qpos0)

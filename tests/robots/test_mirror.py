@@ -80,10 +80,14 @@ SHIN = 'mass="0.0464"'
         ),
         (
             QUADRUPED.replace(TRUNK, TRUNK.replace("0 0 0", "0 0.02 0")),
-            {},
+            {"home": {}},
             "another centre of mass",
         ),
-        (QUADRUPED.replace(SHIN, 'mass="0.1"', 1), {}, "'front_left_lower_leg' has another mass"),
+        (
+            QUADRUPED.replace(SHIN, 'mass="0.1"', 1),
+            {"home": {}},
+            "'front_left_lower_leg' has another mass",
+        ),
     ],
 )
 def test_a_robot_without_symmetry_is_refused_with_the_reason(text, options, why):

@@ -90,7 +90,7 @@ def torque(robot: Robot, values: np.ndarray) -> np.ndarray:
 def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
     servo, limit = SERVOS[kind]
     knee = 'actuatorfrcrange="-9 9"' if limit == 9.0 else ""
-    robot = Robot.from_mjcf(text(HIP + servo, knee=knee), ["toe"])
+    robot = Robot.from_mjcf(text(HIP + servo, knee=knee), ["toe"], home={})
     np.testing.assert_allclose(robot.torque_limit, [5.0, limit])
     for share in (0.5, -1.0, 3.0):
         expected = np.clip(share * robot.torque_limit, -robot.torque_limit, robot.torque_limit)
@@ -131,14 +131,14 @@ def test_a_file_without_servos_has_no_gains() -> None:
 @pytest.mark.parametrize("knee", ["", 'actuatorfrcrange="-3 3"'])
 def test_missing_motors_are_added_where_limits_are_known(knee: str) -> None:
     given = None if knee else {"kn*": 3.0}
-    robot = Robot.from_mjcf(text(HIP, knee=knee), ["toe"], torque_limit=given)
+    robot = Robot.from_mjcf(text(HIP, knee=knee), ["toe"], home={}, torque_limit=given)
     np.testing.assert_allclose(robot.torque_limit, [5.0, 3.0])
     np.testing.assert_allclose(torque(robot, np.array([9.0, 9.0])), [5.0, 3.0])
     assert robot.notes == ("Torque motors added on knee.",)
 
 
 def test_without_any_actuator_one_number_will_do() -> None:
-    robot = Robot.from_mjcf(text(""), ["toe"], torque_limit=7)
+    robot = Robot.from_mjcf(text(""), ["toe"], home={}, torque_limit=7)
     np.testing.assert_allclose(robot.torque_limit, 7.0)
     assert robot.notes == ("Torque motors added on all joints.",)
 
@@ -149,6 +149,7 @@ def test_limits_that_are_given_replace_those_of_the_file() -> None:
         text(HIP + strong, knee='actuatorfrcrange="-1 1"'),
         ["toe"],
         torque_limit={"*": 20.0, "hip": 4.0},
+        home={},
     )
     np.testing.assert_allclose(robot.torque_limit, [4.0, 20.0])
     np.testing.assert_allclose(torque(robot, np.array([-9.0, 90.0])), [-4.0, 20.0])
