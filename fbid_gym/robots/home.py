@@ -72,7 +72,7 @@ def stands_up(model: mujoco.MjModel, home: object) -> bool:
     return isinstance(home, str) and home == STAND and STAND not in known
 
 
-def of_nobody(model: mujoco.MjModel, home: object) -> bool:
+def unspecified(model: mujoco.MjModel, home: object) -> bool:
     """Whether neither the user nor a keyframe says what the home pose is."""
     return home is None and _KEYFRAME not in [model.key(i).name for i in range(model.nkey)]
 

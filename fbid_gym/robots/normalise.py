@@ -208,16 +208,16 @@ def _switch_off(spec: mujoco.MjSpec) -> list[str]:
 def _touch_all_ground(spec: mujoco.MjSpec) -> list[str]:
     """Let what touches the ground by a `<pair>` touch any ground, by the pair's numbers.
 
-    Terrain is in no pair, and a pair has a friction of its own, which nothing randomises. The
-    ground may be in another file, which includes that of the robot.
+    Terrain is in no pair. The ground may be in another file, which includes that of the robot.
     """
     moving = {geom.name: _moves(geom.parent) for geom in spec.geoms}
+    elsewhere = all(_moves(geom.parent) for geom in spec.geoms)
     priority, touch = 1 + max([geom.priority for geom in spec.geoms], default=0), list[str]()
     for pair in list(spec.pairs):
         own, ground = pair.geomname1, pair.geomname2
         if not moving.get(own):
             own, ground = ground, own
-        if not moving.get(own) or moving.get(ground, not all(moving.values())):
+        if not moving.get(own) or moving.get(ground, not elsewhere):
             continue
         foot, floor = spec.geom(own), spec.geom(ground)
         for geom, bits in ((foot, "conaffinity"), (floor, "contype")):

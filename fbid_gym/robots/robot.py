@@ -17,7 +17,7 @@ from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors, sensor_columns
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
-from fbid_gym.robots.home import home_pose, of_nobody, on_the_ground, stands_up
+from fbid_gym.robots.home import home_pose, on_the_ground, stands_up, unspecified
 from fbid_gym.robots.measured_model import LEGS, MeasuredModel
 from fbid_gym.robots.motors import (
     ServoGains,
@@ -344,7 +344,7 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
         notes += [f"Feet found: {', '.join(foot.name for foot in found)}."]
     asked = stands_up(plain, home)
     # In the reference pose of a URDF all joints are at 0, that of an MJCF may be drawn as a stance.
-    if asked or (of_nobody(plain, home) and (source.is_urdf or not stands(start, found))):
+    if asked or (unspecified(plain, home) and (source.is_urdf or not stands(start, found))):
         try:
             standing, pose = stand_up(start, found, named)
             if not asked:

@@ -64,7 +64,7 @@ def test_a_mirrored_episode_is_the_episode_in_the_mirror(env, layer, arguments, 
         batch.loop.planned["walking"][:] = True
         batch.loop.planned["phase"][:] = 0.9, 0.4
     for k in range(40):
-        action = (0.1 * rng.normal(size=len(batch.action_names))).clip(-1.0, 1.0)  # none falls
+        action = (0.3 * rng.normal(size=len(batch.action_names))).clip(-1.0, 1.0)
         step = batch.step(np.array([action, done.of(action)]))
         if k < 1:  # the last observation was before they began to walk
             continue

@@ -87,17 +87,17 @@ def quadruped_gait(robot: Robot, gait: str = "trot", integral_time: float = 0.0)
 def _leg_lengths(robot: Robot) -> np.ndarray:
     """Farthest that each foot gets from its hip, of many postures within the ranges: (F,) m.
 
-    Measured once for each robot, as its stance is: it takes longer than all else of an environment.
+    All legs take the same postures. Measured once for each robot, as it takes so long.
     """
     model, rng = robot.model, np.random.default_rng(0)
-    data = mujoco.MjData(model)
+    own, data = Stance.of(robot).legs, mujoco.MjData(model)
     data.qpos[:] = robot.home_qpos
-    first = [int(np.flatnonzero(leg)[0]) for leg in Stance.of(robot).legs]
-    joints = [int(model.dof_jntid[6 + joint]) for joint in first]
+    along = (np.cumsum(own, axis=1) * own).max(axis=0)  # which joint of its leg, from 1
+    joints = [int(model.dof_jntid[6 + np.argmax(leg)]) for leg in own]
     low, high = np.clip(robot.joint_range, -np.pi, np.pi).T
     lengths = np.zeros(robot.num_feet)
     for _ in range(_SAMPLES):
-        data.qpos[7:] = rng.uniform(low, high)
+        data.qpos[7:] = low + rng.uniform(size=robot.num_joints + 1)[along] * (high - low)
         mujoco.mj_kinematics(model, data)
         for foot, (part, joint) in enumerate(zip(robot.feet, joints, strict=True)):
             centre = data.xpos[part.body] + data.xmat[part.body].reshape(3, 3) @ part.points[0]
