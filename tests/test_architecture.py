@@ -87,22 +87,22 @@ LONGER = {
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {
-    ".": 2385,
-    "actions": 3292,
+    ".": 2382,
+    "actions": 3301,
     "control": 4877,
     "dynamics": 1684,
     "envs": 3687,
     "estimation": 2176,
-    "motions": 3874,
+    "motions": 3876,
     "policy": 652,
     "robots": 6021,
     "runtime": 1922,
-    "tasks": 2331,
+    "tasks": 2338,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_457
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_400
+TEST_LINES = 30_410
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (37, 7110)}

@@ -87,20 +87,21 @@ class JointPosition:
                 untrained, but turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
-            pendulum: whether legs carry the weight along the line from the gait's centre of
+            pendulum: whether legs carry the weight along the line from the target's centre of
                 pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
-                the home stance. Default: where a gait is followed.
+                the home stance. Default: where feet leave the ground.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
 
         Raises:
             InvalidValueError: out of range, beyond what any joint can be held with, or a pendulum
-                where no gait is followed.
+                where the home posture is followed.
         """
         at_home = reference == "home"
         followed = kind._replace(gait=kind.gait and not at_home)
-        if pendulum and not followed.gait:
-            raise InvalidValueError("pendulum", pendulum, "False or None where no gait is followed")
-        falls = followed.gait if pendulum is None else pendulum
+        if pendulum and at_home:
+            expected = "False or None where the home posture is followed"
+            raise InvalidValueError("pendulum", pendulum, expected)
+        falls = kind.steps and not at_home if pendulum is None else pendulum
         usual = default_frequency(kind._replace(gait=falls), robot)
         asked = natural_frequency, damping_ratio
         gains = _gains(robot, control_hz, asked, usual, loop_delay)
@@ -111,7 +112,7 @@ class JointPosition:
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
         home, hold = home_target(robot) if at_home else None, holding_torque(robot)
-        carries = Pendulum.of(robot, kind.omega, hold, links=False) if falls else None
+        carries = Pendulum.of(robot, kind, hold, links=False) if falls else None
         return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale)
 
     @property

@@ -19,6 +19,7 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.target import MotionKind, home_target
 from fbid_gym.quantities import DynamicsTerms, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import factor, solve_factored
@@ -50,22 +51,30 @@ class Pendulum(NamedTuple):
     rest: np.ndarray
 
     @classmethod
-    def of(cls, robot: Robot, omega: float, hold: np.ndarray, *, links: bool) -> "Pendulum":
-        """Return that of a robot whose joints `hold` (n,) N·m at home."""
+    def of(cls, robot: Robot, kind: MotionKind, hold: np.ndarray, *, links: bool) -> "Pendulum":
+        """Return that of a robot whose joints `hold` (n,) N·m at home.
+
+        Without `links` it also holds the home stance, unless point feet step: there they push
+        against each other, which those that are left cannot.
+        """
         stance, still = Stance.of(robot), np.zeros((1, robot.nv))
         none = np.zeros((1, robot.num_joints))
         springs = give_back(PassiveJoints.of(robot), none, robot.home_qpos[None], still)[0]
         carries = stance.legs.any(axis=0) | links
-        return cls(
+        own = cls(
             weight=robot.weight,
             gravity=robot.gravity,
-            omega=omega,
+            omega=kind.omega,
             length=stance.length,
             soles=bool(robot.has_soles),
             links=links,
             legs=stance.legs,
             rest=np.where(carries, springs, hold),
         )
+        if links or (kind.steps and not robot.has_soles):
+            return own
+        left = hold - carry(own, home_target(robot), stance.terms)[0]
+        return own._replace(rest=own.rest + left)
 
 
 @kernel

@@ -41,7 +41,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import add_transposed_times
 
-_TINY = 1e-12  # keeps the direction of a body that points up or down defined
+_TINY = 1e-12  # nothing: of the direction of a body that points up, of a way that no joint goes
 _ROUNDING = 1e-7  # of a growth of one
 _NEUTRAL = 1e-5  # likewise, where nothing holds the body
 _RANK = 1e-9
@@ -65,7 +65,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TaskSpacePosition:
-    """tau = hold + sum of J^T K (gap of each foot) + K_D (qdot_t - qdot).
+    """tau = what carries the robot + sum of J^T K (gap of each foot) + K_D (qdot_t - qdot).
 
     The gap is what is left of a foot's way to its target with the body at its own: a foot that
     stands pushes the body there. It is that of `joint_position`, and so are the rates of the joints
@@ -82,16 +82,14 @@ class TaskSpacePosition:
     Attributes:
         robot: whose joints.
         reach: of body and feet.
-        hold: (n,) N·m that keep the home stance in equilibrium.
-        pendulum: what carries the robot instead; None where `hold` does.
+        pendulum: what carries the robot.
         scale: (6,) m and rad, by which action 1 moves the body.
         natural_frequency: Hz.
     """
 
     robot: Robot
     reach: Reach
-    hold: np.ndarray
-    pendulum: Pendulum | None
+    pendulum: Pendulum
     scale: np.ndarray
     natural_frequency: float
 
@@ -117,9 +115,8 @@ class TaskSpacePosition:
             control_hz: control ticks per second.
             kind: of motion.
             gravity: whether the weight of every link is compensated where the robot is, with the
-                ground's forces where the target has the centre of pressure. Else a gait's weight is
-                carried as a pendulum, and the torques of the home stance are held otherwise, as by
-                `joint_position`.
+                ground's forces where the target has the centre of pressure. Else the feet carry the
+                robot as a pendulum.
             natural_frequency: f in Hz. Default: that of `joint_position`.
             damping_ratio: zeta of the joints.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
@@ -138,12 +135,10 @@ class TaskSpacePosition:
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))
         stiffness = _stiffness(robot, control_hz, joints, held, loop_delay)
         calm = _calm(robot, control_hz, stiffness, held, missing_damping(joints), loop_delay)
-        falls = gravity or kind.gait
         return cls(
             robot=robot,
             reach=Reach(legs._replace(calm=calm), stiffness, held, scale * height),
-            hold=hold,
-            pendulum=Pendulum.of(robot, kind.omega, hold, links=gravity) if falls else None,
+            pendulum=Pendulum.of(robot, kind, hold, links=gravity),
             scale=np.repeat([scale * height, rotation_scale], 3),
             natural_frequency=joints.natural_frequency,
         )
@@ -182,7 +177,7 @@ class TaskSpacePosition:
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        held = self.hold[None] if self.pendulum is None else carry(self.pendulum, target, known)
+        held = carry(self.pendulum, target, known)
         body = self.scale * action[:, :6]
         feet = self.reach.feet_scale * action[:, 6:]
         return reach_out(self.reach, body, feet, held, state, target, known)
@@ -205,7 +200,7 @@ def reach_out(
         moved_body: (N, 6) by which the body's target is moved: m along the heading, rad in the
             base's axes.
         moved_feet: (N, 3F) m by which those of the feet are, in the trunk's axes.
-        held: (N or 1, n) N·m besides.
+        held: (N, n) N·m besides.
         state: of the robots.
         target: what they shall do.
         terms: of the robots.
@@ -222,7 +217,7 @@ def reach_out(
         for j in range(size - 6):
             error = target.qpos[i, 7 + j] - state.qpos[i, 7 + j]
             rate = target.qvel[i, 6 + j] - state.qvel[i, 6 + j]
-            torque[i, j] = held[min(i, len(held) - 1), j] + gains.stiffness[j] * error
+            torque[i, j] = held[i, j] + gains.stiffness[j] * error
             torque[i, j] += gains.damping[j] * rate + gains.drag[j] * target.qvel[i, 6 + j]
         see_body(legs, target, terms, body, i)
         body.rate[2] = target.qvel[i, 2]
@@ -281,9 +276,13 @@ def _stiffness(
     inertia *= robot.mass / robot.num_feet
     jacobians = stance.terms.foot_jacobian[0, :, :rows, 6:] * stance.legs[:, None]
     wanted = inertia * (2.0 * np.pi * joints.natural_frequency) ** 2
-    # The damping of each row that the joints' is while the foot goes along it and nowhere else.
+    # The damping of each row that the joints' is while the foot goes along it and nowhere else, or
+    # hardly anywhere, if its leg has too few joints.
     yields = np.einsum("frj,j,fsj->frs", jacobians, 1.0 / joints.damping, jacobians)
-    damping = np.diagonal(np.linalg.pinv(yields), axis1=1, axis2=2).min(axis=0)
+    resists = np.linalg.pinv(yields, rcond=_RANK, hermitian=True)
+    goes = np.diagonal(yields @ resists, axis1=1, axis2=2)
+    damping = np.diagonal(resists, axis1=1, axis2=2) / np.maximum(goes, _TINY) ** 2
+    damping = np.where(goes > _RANK, damping, np.inf).min(axis=0)
     most = damped_enough(wanted, damping, inertia) if robot.has_soles else wanted
     for alike in (slice(0, 3), slice(3, 5)):  # in the world's axes, whichever way the robot faces
         most[alike] = most[alike].min(initial=np.inf)

@@ -18,10 +18,12 @@ class MotionKind(NamedTuple):
     Attributes:
         gait: whether a gait makes the target online, from where the robot is; else it is planned.
         omega: 1/s, rate at which the robot falls while it moves so.
+        steps: whether feet leave the ground.
     """
 
     gait: bool
     omega: float
+    steps: bool = True
 
 
 NUMBERS = (
@@ -31,9 +33,9 @@ NUMBERS = (
 """Fields of a `Target` that are numbers from which the others follow, but for planted feet."""
 
 
-def planned_kind(robot: Robot) -> MotionKind:
+def planned_kind(robot: Robot, *, steps: bool = False) -> MotionKind:
     """Return the kind of motions that are planned beforehand, standing among them."""
-    return MotionKind(False, Stance.of(robot).falling_rate)
+    return MotionKind(False, Stance.of(robot).falling_rate, steps)
 
 
 def home_target(robot: Robot) -> Target:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.target import in_world
+from fbid_gym.motions.target import MotionKind, in_world, planned_kind
 from fbid_gym.quantities import Memory, Target
 from fbid_gym.tasks.body import Units
 from fbid_gym.tasks.observation import KNOWN, Group, Groups
@@ -152,6 +152,13 @@ class Tracking(PlannedEpisode):
             ),
             **self.body.groups,
         }
+
+    @property
+    def kind(self) -> MotionKind:
+        """See `Task.kind`."""
+        ticks = np.arange(self.motion.period)
+        planted = self.motion.reference(ticks, np.zeros(len(ticks))).planted
+        return planned_kind(self.body.robot, steps=not planted.all())
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all random parts of one episode."""

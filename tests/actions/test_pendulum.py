@@ -8,8 +8,10 @@ from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.target import standing_target
+from fbid_gym.motions.target import MotionKind, standing_target
+from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of
 
 OMEGA = 3.0
@@ -26,7 +28,8 @@ def standing(robot, rng, links):
     qpos[:, 7:] += 0.05 * rng.normal(size=(3, robot.num_joints))
     terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((3, robot.nv)))
     target = standing_target(terms, robot.home_qpos)
-    return Pendulum.of(robot, OMEGA, holding_torque(robot), links=links), target, terms
+    kind = MotionKind(True, OMEGA)
+    return Pendulum.of(robot, kind, holding_torque(robot), links=links), target, terms
 
 
 def test_gravity_compensation_is_an_equilibrium(robot, rng):
@@ -49,7 +52,7 @@ def test_one_foot_pushes_from_the_centre_of_pressure_to_the_centre_of_mass(rng):
     pendulum, target, terms = standing(robot, rng, links=False)
     target.load[:, 1] = 0.0
     target.com_acceleration[:, :2] = 0.3 * rng.normal(size=(3, 2))
-    torque, legs = carry(pendulum, target, terms), Stance.of(robot).legs
+    torque, legs = carry(pendulum, target, terms) - pendulum.rest, Stance.of(robot).legs
     np.testing.assert_array_equal(torque[:, legs[1]], 0.0)
     for i in range(3):
         own = terms.foot_jacobian[i, 0][:, 6:][:, legs[0]]
@@ -66,10 +69,16 @@ def test_one_foot_pushes_from_the_centre_of_pressure_to_the_centre_of_mass(rng):
 def test_in_flight_nothing_is_carried(robot, rng):
     pendulum, target, terms = standing(robot, rng, links=False)
     target.load[:] = 0.0
-    own = Stance.of(robot).legs.any(axis=0)
-    np.testing.assert_array_equal(carry(pendulum, target, terms)[:, own], 0.0)
+    rest = np.broadcast_to(pendulum.rest, (3, robot.num_joints))
+    np.testing.assert_array_equal(carry(pendulum, target, terms), rest)
 
 
-def test_who_follows_no_gait_is_no_pendulum():
+def test_who_holds_the_home_posture_is_no_pendulum():
     with pytest.raises(InvalidValueError, match=r"pendulum.*True"):
-        layer_of("joint_position", robots.load("biped"), pendulum=True)
+        layer_of("joint_position", robots.load("biped"), reference="home", pendulum=True)
+
+
+@pytest.mark.parametrize(("task", "lifts"), [("balance", False), ("squat", False), ("step", True)])
+def test_who_lifts_feet_is_a_pendulum_by_default(task, lifts):
+    config = EnvConfig.of({"task": task, "robot": "biped", "action_layer": "joint_position"})
+    assert EnvBatch(config, 1).layer.pendulum == lifts

@@ -47,9 +47,10 @@ def test_two_soles_stand_by_the_papers_law(seed):
     stand(seed, "base_acceleration", contact_limits="none")
 
 
+@pytest.mark.parametrize("layer", ["joint_position", "task_space_position"])
 @pytest.mark.parametrize("seed", LIGHT_FEET)
-def test_joint_position_holds_a_robot_up(seed):
-    batch, _ = stand(seed, "joint_position")
+def test_kinematics_hold_a_robot_up(seed, layer):
+    batch, _ = stand(seed, layer)
     home = batch.robot.home_qpos[2]
     assert batch.simulation.qpos[:, 2] == pytest.approx(home, rel=0.01)
 
