@@ -41,7 +41,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import add_transposed_times
 
-_TINY = 1e-12  # nothing: of the direction of a body that points up, of a way that no joint goes
+_TINY = 1e-12  # keeps the direction of a body that points up or down defined
 _ROUNDING = 1e-7  # of a growth of one
 _NEUTRAL = 1e-5  # likewise, where nothing holds the body
 _RANK = 1e-9
@@ -281,7 +281,7 @@ def _stiffness(
     yields = np.einsum("frj,j,fsj->frs", jacobians, 1.0 / joints.damping, jacobians)
     resists = np.linalg.pinv(yields, rcond=_RANK, hermitian=True)
     goes = np.diagonal(yields @ resists, axis1=1, axis2=2)
-    damping = np.diagonal(resists, axis1=1, axis2=2) / np.maximum(goes, _TINY) ** 2
+    damping = np.diagonal(resists, axis1=1, axis2=2) / np.maximum(goes, _RANK) ** 2
     damping = np.where(goes > _RANK, damping, np.inf).min(axis=0)
     most = damped_enough(wanted, damping, inertia) if robot.has_soles else wanted
     for alike in (slice(0, 3), slice(3, 5)):  # in the world's axes, whichever way the robot faces
