@@ -20,7 +20,7 @@ from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
-from eval.robustness.tables import markdown, numbers, said, shown
+from eval.robustness.tables import markdown, numbers, said, shown, with_kept
 from eval.robustness.wording import headline
 from fbid_gym.__main__ import called
 from fbid_gym.actions import LAYERS
@@ -32,6 +32,7 @@ from train.environments import parse_env_args, register
 from train.progress import progress
 from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
+from train.runs.tables import read_rows
 from train.runs.versions import versions
 
 _SAID_ELSEWHERE = {
@@ -72,7 +73,8 @@ class RobustnessConfig:
     env_args: str = "{}"
     """Further environment arguments as a JSON object; they replace those of the runs."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Put the areas into docs/robustness.md, the figures and all numbers beside it."""
+    """Put the areas into docs/robustness.md, the figures and all numbers beside it. Factors that
+    are not tried stay as they are there."""
 
 
 def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
@@ -95,6 +97,7 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
     write(config.out.with_suffix(".json"), to_json(found.to_dict()))
     write(config.out.with_suffix(".csv"), numbers(found))
     if config.write_docs:
+        found = with_kept(found, read_rows(ROBUSTNESS_PAGE.with_suffix(".csv")))
         write(ROBUSTNESS_PAGE.with_suffix(".csv"), numbers(found))
         write(ROBUSTNESS_PAGE.with_suffix(".svg"), drawn(found))
         splice(ROBUSTNESS_PAGE, f"{said(found)}\n\n{command_block(command)}\n\n{markdown(found)}")

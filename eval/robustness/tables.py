@@ -2,15 +2,17 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 
 from rich.markup import escape
 from rich.table import Table
 
 from eval.page.docs import markdown_table
 from eval.results import Estimate
-from eval.robustness.curves import Along, Robustness
+from eval.robustness.curves import Along, Curve, Robustness
 from eval.robustness.factors import FACTORS, Factor
 from eval.wording import capital, form_of, interval, number, titled
+from fbid_gym.errors import RunError
 from train.episodes import METRICS
 from train.runs.tables import to_csv
 
@@ -58,6 +60,40 @@ def numbers(found: Robustness) -> str:
                     bounds = {"low": one.low, "high": one.high}
                     rows.append({**known, "estimate": one.value, **bounds})
     return to_csv(_COLUMNS, rows)
+
+
+def with_kept(found: Robustness, rows: list[dict[str, str]]) -> Robustness:
+    """Return it with the factors that were not tried, as `numbers` wrote them before.
+
+    Raises:
+        RunError: those rows are of other arms.
+    """
+    tables: dict[str, dict[str, dict[str, list[dict[str, str]]]]] = {}
+    for row in rows:
+        curves = tables.setdefault(row["factor"], {}).setdefault(row["measure"], {})
+        curves.setdefault(row["arm"], []).append(row)
+    tried = {along.name: along for along in found.along}
+    kept = [_kept(name, tables[name]) for name in tables if name not in tried]
+    every = {along.name: along for along in kept} | tried
+    try:
+        return replace(found, along=[every[name] for name in BY_NAME if name in every])
+    except ValueError as error:
+        raise RunError(f"The numbers that were kept do not fit: {error}.") from error
+
+
+def _kept(name: str, measures: dict[str, dict[str, list[dict[str, str]]]]) -> Along:
+    """One factor of `with_kept`."""
+    factor, values = BY_NAME[name], list[str]()
+    curves: dict[str, dict[str, Curve]] = {}
+    for measure, arms in measures.items():
+        for arm, rows in arms.items():
+            ends = [tuple(float(row[end]) for end in ("estimate", "low", "high")) for row in rows]
+            *points, last = (Estimate(*end) for end in ends)
+            curves.setdefault(measure, {})[arm] = Curve(points, last)
+            values = [row["value"] for row in rows[:-1]]
+    numbered = [float(k if factor.stages else value) for k, value in enumerate(values)]
+    nominal = factor.nominal if factor.nominal in numbered else None
+    return Along(name, numbered, curves, nominal)
 
 
 def summary(found: Robustness, measure: str) -> tuple[list[str], list[list[str]]]:

@@ -14,7 +14,7 @@ from eval.robustness.arms import zero_action
 from eval.robustness.curves import Along, Budget, Curve, Robustness, area, estimated, meant, measure
 from eval.robustness.factors import FACTORS, changed
 from eval.robustness.page import page
-from eval.robustness.tables import markdown
+from eval.robustness.tables import markdown, numbers, with_kept
 from eval.robustness.wording import headline, leader
 from eval.rollout import Player, play_player
 from fbid_gym.errors import RunError, UnknownOptionError
@@ -38,8 +38,7 @@ def at(own: Player, factor: str, value: float) -> Player:
 
 
 def test_nothing_differs_at_a_nominal_value_and_something_at_the_ends():
-    own = player()
-    plain = meant(own).resolved()
+    plain = meant(own := player()).resolved()
     for factor in FACTORS:
         for value in {factor.values[0], factor.values[-1], factor.nominal} - {None}:
             there = meant(at(own, factor.name, value)).resolved()
@@ -64,11 +63,10 @@ def test_nothing_is_called_nominal_that_training_randomised(monkeypatch):
     values = {"mass": (0.0, 0.3), "motor": (0.7, 1.0)}
     factors = [replace(FACTOR[name], values=its) for name, its in values.items()]
     for ranges, nominal in (({}, [0.0, 1.0]), ({"motor_strength": (0.8, 1.2)}, [0.0, None])):
-        arm = zero_action(WALK, "joint_position", {"randomisation": ranges})
-        found = measure([arm], factors, Budget(1, 5))
+        arms = [zero_action(WALK, "joint_position", {"randomisation": ranges})]
+        found = measure(arms, factors, Budget(1, 5))
         assert [along.nominal for along in found.along] == nominal
-        marked = sum(value is not None for value in nominal)
-        assert page(found).count("Upright: nothing differs") == marked
+        assert page(found).count("Upright: nothing differs") == 2 - nominal.count(None)
 
 
 def test_found_is_reproducible_and_a_factor_does_not_feel_the_others():
@@ -77,6 +75,11 @@ def test_found_is_reproducible_and_a_factor_does_not_feel_the_others():
     one, other = measure(arms, both, Budget(2, 5)), measure(arms, both[1:], Budget(2, 5))
     assert one.along[1] == other.along[0]
     assert one.to_dict() == measure(arms, both, Budget(2, 5)).to_dict()
+    # So what is not tried anew can stay as it was written.
+    rows = list(csv.DictReader(numbers(one).splitlines()))
+    assert with_kept(other, rows).along == one.along
+    with pytest.raises(RunError, match="kept do not fit"):
+        with_kept(other, [{**row, "arm": "another"} for row in rows])
 
 
 def test_robots_without_strength_or_under_huge_pushes_fall():
@@ -97,15 +100,13 @@ def test_the_area_is_the_mean_along_the_axis(rng):
 
 
 def test_runs_are_the_units_of_chance_where_there_are_several(rng):
-    table = rng.uniform(size=(3, 2, 40))
-    x = [0.0, 1.0, 4.0]
-    curve = estimated(table, x, False, rng)
-    means = table.mean(axis=2)
+    table, x = rng.uniform(size=(3, 2, 40)), [0.0, 1.0, 4.0]
+    curve, means = estimated(table, x, False, rng), table.mean(axis=2)
     for point, values in zip(curve.points, means, strict=True):
         assert point.value == pytest.approx(values.mean())
         assert (point.low, point.high) == pytest.approx((values.min(), values.max()))
-    areas = area(means.T, x)
-    assert (curve.summary.low, curve.summary.high) == pytest.approx((areas.min(), areas.max()))
+    ends = [end(area(means.T, x)) for end in (np.min, np.max)]
+    assert [curve.summary.low, curve.summary.high] == pytest.approx(ends)
     one = estimated(table[:, :1], x, False, rng)
     assert one.summary.value == pytest.approx(area(table[:, 0].mean(axis=1)[None], x)[0])
     assert one.summary.low < one.summary.value < one.summary.high
@@ -136,7 +137,6 @@ def test_an_arm_is_ahead_if_its_interval_lies_beyond_all_others():
 
 
 SIZES = (62, 12)
-
 STUDY = """
 seeds = [0, 1, 2]
 total_steps = 1000
@@ -198,8 +198,8 @@ def test_arms_of_a_study_are_its_own(tmp_path, monkeypatch):
 
 def test_what_an_environment_does_not_have_is_left_out_and_said():
     arms = [zero_action(BALANCE, "joint_position", {"episode_seconds": 0.1})]
-    names = ("mass", "delay", "slope", "physics")
-    found = measure(arms, [FACTOR[name] for name in names], Budget(1, 5))
+    factors = [FACTOR[name] for name in ("mass", "delay", "slope", "physics")]
+    found = measure(arms, factors, Budget(1, 5))
     assert found.measures == ("survived", "returned")
     assert [along.name for along in found.along] == ["mass"]
     assert "does not leave level ground" in found.left_out["slope"]
