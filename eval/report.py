@@ -14,16 +14,7 @@ from eval.page.figures import Marks, Series, Strip, panel, strips
 from eval.page.html import render
 from eval.results import Comparison, Layer, Pair
 from eval.statistics import coverage_ceiling
-from eval.wording import (
-    capital,
-    count,
-    crossing,
-    form_of,
-    interval,
-    number,
-    percent,
-    steps,
-)
+from eval.wording import capital, count, crossing, form_of, interval, number, percent, steps
 from train.episodes import METRICS, Metric
 
 _SHOWN = (

@@ -131,10 +131,7 @@ def _tables(study: Study, cell: Cell) -> tuple[Path, Path]:
     config, asked = cell.config, repr(study.transfer)
     rest = {n: v for n, v in config.make_args().items() if n not in ("robot", "robots")}
     laws = f"{environment_name(config.env)}-{config.action_layer}-laws"
-    names = (
-        (config.folder.name, policy_digest(cell)),
-        (laws, json.dumps(rest, sort_keys=True)),
-    )
+    names = ((config.folder.name, policy_digest(cell)), (laws, json.dumps(rest, sort_keys=True)))
     place = _folder(study)
     own, beside = (
         f"{name}-{sha256((asked + what).encode()).hexdigest()[:8]}" for name, what in names

@@ -117,11 +117,7 @@ def _players(
 
 
 def _played(
-    name: str,
-    make: Callable[[], Player],
-    robot: Robot,
-    config: TransferConfig,
-    console: Console,
+    name: str, make: Callable[[], Player], robot: Robot, config: TransferConfig, console: Console
 ) -> Episodes | None:
     """The episodes of a player; None, with a sentence, where it cannot act on the robot."""
     try:

@@ -6,12 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import (
-    InvalidValueError,
-    NonFiniteError,
-    ShapeError,
-    UnknownOptionError,
-)
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
 
 
 def number(name: str, value: Any, expected: str = "a number") -> float:

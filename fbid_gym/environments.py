@@ -55,11 +55,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "fbid_gym/BipedSquat-v0": {"robot": "biped", "task": "squat"},
     "fbid_gym/BipedStep-v0": {"robot": "biped", "task": "step"},
     "fbid_gym/QuadrupedCrawl-v0": {"robot": "quadruped", "task": "crawl"},
-    "fbid_gym/QuadrupedRough-v0": {
-        "robot": "quadruped",
-        "task": "crawl",
-        "terrain": "obstacles",
-    },
+    "fbid_gym/QuadrupedRough-v0": {"robot": "quadruped", "task": "crawl", "terrain": "obstacles"},
     "fbid_gym/QuadrupedWalk-v0": {"robot": "go1", "task": "walk", **_LIGHT},
     "fbid_gym/BipedWalk-v0": {"robot": "biped", "task": "walk", **_LIGHT, **_ON_SOLES},
     "fbid_gym/HumanoidWalk-v0": {"robot": "humanoid", "task": "walk", **_LIGHT, **_ON_SOLES},

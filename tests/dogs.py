@@ -29,11 +29,7 @@ ROLL = '<joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>'
 
 
 def dog(
-    scale: float = 1.0,
-    feet: Sequence[str] = tuple(CORNERS),
-    *,
-    rolls: bool = True,
-    neck: int = 0,
+    scale: float = 1.0, feet: Sequence[str] = tuple(CORNERS), *, rolls: bool = True, neck: int = 0
 ) -> Robot:
     """Legs of 2 × 0.2 m times a scale, with whose cube masses grow; so many joints carry a head."""
     numbers = {

@@ -57,10 +57,7 @@ RANK = {
 
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
-    "pinocchio": {
-        "dynamics",
-        "eval.papers.inertial_parameters.regressor",
-    },
+    "pinocchio": {"dynamics", "eval.papers.inertial_parameters.regressor"},
     "numba": {"compiled", "compile_cache", "compile_parts"},
     "filelock": {"compile_cache"},
     "ray": {"train.runs.cluster"},
@@ -87,25 +84,25 @@ LONGER = {
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {
-    ".": 2382,
-    "actions": 3301,
-    "control": 4877,
-    "dynamics": 1684,
-    "envs": 3687,
-    "estimation": 2176,
-    "motions": 3876,
-    "policy": 652,
-    "robots": 6021,
-    "runtime": 1922,
-    "tasks": 2338,
+    ".": 2373,
+    "actions": 3278,
+    "control": 4974,
+    "dynamics": 1700,
+    "envs": 3683,
+    "estimation": 2102,
+    "motions": 3867,
+    "policy": 647,
+    "robots": 6019,
+    "runtime": 1911,
+    "tasks": 2315,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
-PAPERS_LINES = 5_457
+PAPERS_LINES = 5_456
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_410
+TEST_LINES = 30_420
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (37, 7110)}
+READING = {"fbid_gym.actions.base_acceleration": (38, 7144)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

@@ -44,10 +44,7 @@ def build(config: TrainConfig, robots: VecEnv) -> BaseAlgorithm:
     torch.manual_seed(seed)
     own = config.hyperparameters
     env = VecNormalize(
-        robots,
-        norm_reward=own.normalise_reward,
-        clip_obs=own.clip_observation,
-        gamma=own.gamma,
+        robots, norm_reward=own.normalise_reward, clip_obs=own.clip_observation, gamma=own.gamma
     )
     learner: BaseAlgorithm = ALGORITHMS[config.algorithm].build(config, env)
     learner.set_logger(Logger(folder=None, output_formats=[]))

@@ -64,11 +64,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         robots = stack.enter_context(
             closing(
                 make_env(
-                    config.env,
-                    num_envs=config.num_envs,
-                    seed=seed,
-                    stagger=config.stagger,
-                    **args,
+                    config.env, num_envs=config.num_envs, seed=seed, stagger=config.stagger, **args
                 )
             )
         )

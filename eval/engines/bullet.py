@@ -82,9 +82,7 @@ class BulletWorld:
         engine, model = self._engine, robot.model
         engine.setGravity(0.0, 0.0, -robot.gravity)
         engine.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / hz,
-            numSolverIterations=_ITERATIONS,
-            deterministicOverlappingPairs=1,
+            fixedTimeStep=1.0 / hz, numSolverIterations=_ITERATIONS, deterministicOverlappingPairs=1
         )
         self._ground = engine.createMultiBody(0.0, engine.createCollisionShape(engine.GEOM_PLANE))
         engine.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=0.0)

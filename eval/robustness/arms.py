@@ -50,10 +50,7 @@ class Wanted(NamedTuple):
 
 
 def load_arms(
-    paths: Sequence[Path],
-    wanted: Wanted,
-    robot: Robot | None,
-    env_args: Mapping[str, Any],
+    paths: Sequence[Path], wanted: Wanted, robot: Robot | None, env_args: Mapping[str, Any]
 ) -> tuple[list[Arm], list[str]]:
     """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 

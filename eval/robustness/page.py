@@ -86,10 +86,7 @@ def _zero_actions(found: Robustness) -> tuple[dict[str, str], set[str]]:
 
 
 def _series(
-    found: Robustness,
-    values: Sequence[float],
-    curves: dict[str, Curve],
-    colours: Mapping[str, int],
+    found: Robustness, values: Sequence[float], curves: dict[str, Curve], colours: Mapping[str, int]
 ) -> list[Series]:
     """A line for each arm; the zero action of a layer that was trained is dashed beside it."""
     zeros, trained = _zero_actions(found)

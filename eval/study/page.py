@@ -29,16 +29,7 @@ from eval.study.results import (
     Measure,
     Versus,
 )
-from eval.wording import (
-    Form,
-    capital,
-    form_of,
-    interval,
-    number,
-    percent,
-    span,
-    steps,
-)
+from eval.wording import Form, capital, form_of, interval, number, percent, span, steps
 from train.runs.study import environment_name
 
 Clips = Mapping[tuple[str, str], Shown]
@@ -183,9 +174,7 @@ def _strips(arms: Sequence[ArmFound], measure: Measure, colours: Mapping[str, in
 
 
 def _against(
-    found: Findings,
-    arms: Sequence[ArmFound],
-    versus_of: Callable[[ArmFound], Mapping[str, Versus]],
+    found: Findings, arms: Sequence[ArmFound], versus_of: Callable[[ArmFound], Mapping[str, Versus]]
 ) -> dict[str, Any]:
     """Return in what arms are set against the reference, and how; empty where none is."""
     others = [(arm, versus_of(arm)) for arm in arms if arm.name != found.reference]

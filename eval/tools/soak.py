@@ -98,11 +98,7 @@ def read() -> Reading:
 
 def soak(config: SoakConfig, layer: str) -> Soaked:
     """Run the environment through a layer."""
-    given = {
-        "num_threads": config.num_threads,
-        "action_layer": layer,
-        "episode_seconds": 1.0,
-    }
+    given = {"num_threads": config.num_threads, "action_layer": layer, "episode_seconds": 1.0}
     envs = make_envs(config.env, given, config.num_envs)
     fifth = max(round(config.steps / len(config.layers) / config.num_envs / 5), 1)
     envs.reset(seed=0)

@@ -12,11 +12,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law import DIAGNOSTICS, fresh_memory
 from fbid_gym.control.body_law import LawMemory
-from fbid_gym.control.contact_forces import (
-    ContactLimits,
-    limit_rows,
-    wrench_scale,
-)
+from fbid_gym.control.contact_forces import ContactLimits, limit_rows, wrench_scale
 from fbid_gym.control.momentum_balance import (
     MomentumBalance,
     PostureGains,
@@ -26,13 +22,7 @@ from fbid_gym.control.momentum_balance import (
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
-from fbid_gym.quantities import (
-    DynamicsTerms,
-    Memory,
-    RobotState,
-    Target,
-    WrenchGains,
-)
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target, WrenchGains
 from fbid_gym.robots import Robot
 
 

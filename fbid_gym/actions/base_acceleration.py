@@ -7,13 +7,7 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import (
-    BODY_DEFAULTS,
-    PRIORITY_ACTION,
-    BodyOptions,
-    meant,
-    set_priority,
-)
+from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.control.body_law import Command, stabilise
@@ -77,7 +71,8 @@ class BaseAcceleration(LawLayer):
             contact: what it assumes of contacts.
         """
         assumed, priority = contact.on(robot, kind), body.priority(robot, kind)
-        law = Law.of(robot, control_hz, assumed, body.gains(robot, kind), priority)
+        held, delay = body.gains(robot, kind), body.loop_delay
+        law = Law.of(robot, control_hz, assumed, held, priority, delay=delay)
         stance = Stance.of(robot)
         if body.action_units == "robot":
             scale = robot.gravity * np.repeat([0.5, 2.0 / stance.home_com[2]], 3)

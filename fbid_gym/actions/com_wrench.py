@@ -8,13 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import (
-    BODY_DEFAULTS,
-    PRIORITY_ACTION,
-    BodyOptions,
-    meant,
-    set_priority,
-)
+from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
 from fbid_gym.actions.law import Law, LawLayer, no_lighter
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
@@ -107,8 +101,8 @@ class ComWrench(LawLayer):
             contact: what it assumes of contacts.
 
         Raises:
-            InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain or a
-                pair of gains.
+            InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain, a
+                delay or a pair of gains.
         """
         assumed = contact.on(robot, kind)
         stance = Stance.of(robot)
@@ -130,7 +124,7 @@ class ComWrench(LawLayer):
             told = {f"{part}_frequency": value for part, value in hertz.items()}
             return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio}, False)
         held, priority = body.gains(robot, kind), body.priority(robot, kind)
-        law = Law.of(robot, control_hz, assumed, held, priority)
+        law = Law.of(robot, control_hz, assumed, held, priority, delay=body.loop_delay)
         return cls(law, scale, assumed, priority, meant(held), body.priority_action)
 
     @property
@@ -184,8 +178,9 @@ def _papers_frequencies(
         expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
         raise InvalidValueError("balancer", balancer, expected)
     expected = f'or the balancer "{_INVERSE_DYNAMICS}"'
-    if body.velocity_gain:
-        raise InvalidValueError("velocity_gain", body.velocity_gain, f"0, {expected}")
+    for name in ("velocity_gain", "loop_delay"):
+        if getattr(body, name):
+            raise InvalidValueError(name, getattr(body, name), f"0, {expected}")
     given = {part: _PAPERS[part] if x is None else x for part, x in body.frequencies.items()}
     hertz = in_hertz(robot, **given)
     for part, value in hertz.items():

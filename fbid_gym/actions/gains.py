@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.ranges import DampingRatio, Falling, Priority, Response, in_hertz
+from fbid_gym.actions.ranges import DampingRatio, Falling, LoopDelay, Priority, Response, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
@@ -91,6 +91,9 @@ class BodyOptions:
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
     contact forces."""
+    loop_delay: LoopDelay = 0.0
+    """s from a state to the torque that answers it: the law then acts on where the robot will be.
+    Not for the papers' balancers."""
     action_units: Annotated[str, Choice(("contacts", "robot"))] = "contacts"
     """What 1 in the action means: "contacts", as much as the home stance can do; "robot", the same
     on all robots in their own units, for a policy of many: accelerations of half of gravity and of

@@ -1,7 +1,7 @@
 """Joint PD controllers: gains from a response of the home stance, or those of a file's servos."""
 
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -14,7 +14,6 @@ from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.options import Number
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
@@ -27,8 +26,6 @@ _FELT = 0.1  # of the controller's damping
 _LEAST_RATIO = 0.2  # of the damping, where ankles are to yield
 _USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
 
-LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
-"""Of gains: more would leave of them next to nothing."""
 _RANK = 1e-9
 
 

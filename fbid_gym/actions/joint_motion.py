@@ -57,13 +57,7 @@ class JointMotion:
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        kind: MotionKind,
-        gains: BodyGains,
-        *,
-        aware: bool,
-        calm: float = 0.0,
+        cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool, calm: float = 0.0
     ) -> "JointMotion":
         """Return the joint motion of a kind of motion.
 
@@ -221,13 +215,7 @@ def find_joints(
 
 
 @compiled
-def see_body(
-    legs: LegJoints,
-    target: Target,
-    terms: DynamicsTerms,
-    body: WayLeft,
-    i: int,
-) -> None:
+def see_body(legs: LegJoints, target: Target, terms: DynamicsTerms, body: WayLeft, i: int) -> None:
     """Write how the base is off, and how it is to move."""
     for axis in range(2):
         body.gap[axis] = target.com[i, axis] - terms.com[i, axis]

@@ -10,7 +10,6 @@ from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
     SERVO,
     JointGains,
-    LoopDelay,
     damped_enough,
     default_frequency,
     fed_drag,
@@ -22,7 +21,7 @@ from fbid_gym.actions.joint_gains import (
 )
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget, LegJoints, find_joints
 from fbid_gym.actions.pendulum import Pendulum, carry
-from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, TargetScale
+from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, LoopDelay, TargetScale
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError

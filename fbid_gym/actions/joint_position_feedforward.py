@@ -8,10 +8,18 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
-from fbid_gym.actions.joint_gains import JointGains, LoopDelay, feedback
+from fbid_gym.actions.joint_gains import JointGains, feedback
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget
 from fbid_gym.actions.law import Law, LawLayer
-from fbid_gym.actions.ranges import DampingRatio, Falling, Frequency, Hertz, TargetScale, in_hertz
+from fbid_gym.actions.ranges import (
+    DampingRatio,
+    Falling,
+    Frequency,
+    Hertz,
+    LoopDelay,
+    TargetScale,
+    in_hertz,
+)
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.compiled import kernel
 from fbid_gym.control.body_law import Command

@@ -16,24 +16,15 @@ from fbid_gym.control.body_law import (
     torque_within_limits,
     torque_without_limits,
 )
-from fbid_gym.control.contact_forces import (
-    ContactLimits,
-    limit_rows,
-    wrench_scale,
-)
+from fbid_gym.control.contact_forces import ContactLimits, limit_rows, wrench_scale
 from fbid_gym.control.grip import GripModel
+from fbid_gym.control.look_ahead import Delay, look_ahead
 from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
-from fbid_gym.quantities import (
-    BodyGains,
-    DynamicsTerms,
-    Memory,
-    RobotState,
-    Target,
-)
+from fbid_gym.quantities import BodyGains, DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.drives import torque_line
 
@@ -61,6 +52,7 @@ def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Mem
         carried=np.zeros((num_robots, robot.num_feet)),
         priority=np.ones(num_robots),
         vertical=np.zeros((num_robots, 4)),
+        acceleration=np.zeros((num_robots, robot.nv)),
     )._asdict()
     if ramp is not None:
         own |= ramp.memory(num_robots, robot.num_points, robot.num_joints)
@@ -77,6 +69,7 @@ class Law:
         belief: which points are taken to be on the ground.
         ramp: leads the torque through switches of contacts; None where it may jump.
         limited: whether contact forces have limits; else they can pull and never slip.
+        late: how late its torques come; None where they come at once.
     """
 
     robot: Robot
@@ -84,6 +77,7 @@ class Law:
     belief: ContactBelief
     ramp: ContactRamp | None
     limited: bool
+    late: Delay | None
 
     @classmethod
     def of(
@@ -96,6 +90,7 @@ class Law:
         *,
         feet_first: bool = True,
         base_priority: float = 1.0,
+        delay: float = 0.0,
     ) -> "Law":
         """Build the law.
 
@@ -110,6 +105,7 @@ class Law:
             feet_first: see `LawConstants`.
             base_priority: weight of squared base accelerations beside one for the joints, where the
                 layer asks for both.
+            delay: s from a state to the torque that answers it.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         cost, inertia = (1.0,) * 3 + (moment_priority,) * 3, _turning_inertia(robot)
@@ -130,14 +126,13 @@ class Law:
             passive=contact.passive(robot),
             motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
             grip=GripModel.of(
-                stance.falling_rate,
-                robot.gravity,
-                1.0 / control_hz,
-                notices=contact.notice_slip,
+                stance.falling_rate, robot.gravity, 1.0 / control_hz, notices=contact.notice_slip
             ),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
-        return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None)
+        radius = np.array([foot.radius for foot in robot.feet])
+        late = Delay(delay, 1.0 / control_hz, robot.gravity, radius) if delay else None
+        return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None, late)
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
@@ -146,7 +141,10 @@ class Law:
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
-        return fresh_memory(self.robot, self.ramp, num_robots)
+        own = fresh_memory(self.robot, self.ramp, num_robots)
+        if self.late is not None:
+            own["sent"] = np.zeros((num_robots, self.late.ticks, self.robot.nv))
+        return own
 
     def torque(
         self,
@@ -169,6 +167,9 @@ class Law:
             (N, n) N·m.
         """
         active = self.belief(state, target)
+        if self.late is not None:
+            made, sent = memory["acceleration"], memory["sent"]
+            state, terms = look_ahead(self.late, made, sent, state, terms)
         solve = torque_within_limits if self.limited else torque_without_limits
         own = LawMemory.of(memory)
         torque = solve(self.constants, command, state, target, terms, active, own)

@@ -73,4 +73,6 @@ Response = Annotated[float | Falling | tuple[float, float], Hertz(gains=True)]
 DampingRatio = Annotated[float, Number(0.01, 100.0)]
 TargetScale = Annotated[float, Number(1e-6, 100.0, "rad")]
 AccelerationScale = Annotated[float, Number(1e-6, 1e5, "rad/s^2")]
+LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
+"""From a state to its torque: of gains on joints more would leave next to nothing."""
 Priority = Annotated[float, Number(1e-6, 1e9)]

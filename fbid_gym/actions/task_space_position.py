@@ -10,7 +10,6 @@ import scipy.linalg
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
     JointGains,
-    LoopDelay,
     damped_enough,
     default_frequency,
     fed_drag,
@@ -31,7 +30,7 @@ from fbid_gym.actions.joint_motion import (
     solve_leg,
 )
 from fbid_gym.actions.pendulum import Pendulum, carry
-from fbid_gym.actions.ranges import DampingRatio, Frequency, TargetScale
+from fbid_gym.actions.ranges import DampingRatio, Frequency, LoopDelay, TargetScale
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.vectors import matrix, turn

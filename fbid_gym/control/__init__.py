@@ -24,11 +24,7 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import (
-    Distribution,
-    distribute,
-    distribute_freely,
-)
+from fbid_gym.control.wrench_distribution import Distribution, distribute, distribute_freely
 from fbid_gym.quantities import Accuracy, TorqueMap
 
 __all__ = [

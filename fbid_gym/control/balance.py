@@ -233,11 +233,7 @@ def _wrench(
 
 @kernel
 def balance_wrench(
-    gains: WrenchGains,
-    target: BalanceTarget,
-    motion: BodyMotion,
-    axes: np.ndarray,
-    gravity: float,
+    gains: WrenchGains, target: BalanceTarget, motion: BodyMotion, axes: np.ndarray, gravity: float
 ) -> np.ndarray:
     """Return the desired wrench at the centre of mass, (36) or (38): (N, 6) N and N·m, world.
 

@@ -130,11 +130,7 @@ def _rotation_map(stiffness: np.ndarray) -> np.ndarray:
 def _antisymmetric(matrix: np.ndarray) -> np.ndarray:
     """The vector e_ijk X_jk: minus twice the axial vector."""
     return np.array(
-        [
-            matrix[1, 2] - matrix[2, 1],
-            matrix[2, 0] - matrix[0, 2],
-            matrix[0, 1] - matrix[1, 0],
-        ]
+        [matrix[1, 2] - matrix[2, 1], matrix[2, 0] - matrix[0, 2], matrix[0, 1] - matrix[1, 0]]
     )
 
 

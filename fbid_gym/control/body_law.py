@@ -162,6 +162,7 @@ class LawMemory(NamedTuple):
         carried: (N, F) s for which feet have carried.
         priority: (N,) factor on errors of the moment, as the layer has it at this tick.
         vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
+        acceleration: (N, nv) that its last torques were made for.
     """
 
     warm_start: np.ndarray
@@ -172,6 +173,7 @@ class LawMemory(NamedTuple):
     carried: np.ndarray
     priority: np.ndarray
     vertical: np.ndarray
+    acceleration: np.ndarray
 
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
@@ -191,13 +193,11 @@ def torque_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) whose contact forces keep within their limits; updates the memory."""
     count, size = terms.bias.shape
-    notice_slip(
-        law.grip, law.geometry, law.gravity, state, terms, active, memory.carried, memory.grip
-    )
+    slipping = memory.carried, memory.grip
+    notice_slip(law.grip, law.geometry, law.gravity, state, terms, active, *slipping)
     feet = _feet(law, memory.grip, target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)
-    motion = room_to_move(law.limbs, law.geometry)
-    carried = room_to_move(law.limbs, law.geometry)
+    motion, carried = room_to_move(law.limbs, law.geometry), room_to_move(law.limbs, law.geometry)
     torque, start, nearness = np.empty((count, size - 6)), np.empty(6), np.empty(6)
     command = stabilise(law, command, state, target, terms)
     for i in range(count):
@@ -249,6 +249,7 @@ def _hold(
         joint_torques(terms, i, work, motion, torque[i])
     missed_share = np.sqrt(dot(missed, missed)) / weight
     memory.strength[i] = strength
+    copy(motion.whole, memory.acceleration[i])
     past[1] = (motion.momentum[2] + terms.bias[i, 2]) / strength
     moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
     memory.residual[i] = np.hypot(missed_share, moved)
@@ -278,6 +279,7 @@ def torque_without_limits(
     alike = np.empty((0, desired.shape[1] - 6))
     found = invert_dynamics(motion, standing, desired, alike, law.mobility)
     copy(found.underactuation, memory.underactuation)
+    copy(desired, memory.acceleration)
     return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
@@ -293,8 +295,7 @@ def desired_acceleration(
     """Return the accelerations (N, nv) that a command comes to, before forces have limits."""
     feet = _feet(law, np.ones(len(active)), target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)
-    motion = room_to_move(law.limbs, law.geometry)
-    carried = room_to_move(law.limbs, law.geometry)
+    motion, carried = room_to_move(law.limbs, law.geometry), room_to_move(law.limbs, law.geometry)
     desired = np.empty(terms.bias.shape)
     command = stabilise(law, command, state, target, terms)
     for i in range(len(desired)):
@@ -518,11 +519,7 @@ def _target_spin(target: Target, terms: DynamicsTerms, i: int) -> Vector:
 
 @kernel
 def stabilise(
-    law: LawConstants,
-    command: Command,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
+    law: LawConstants, command: Command, state: RobotState, target: Target, terms: DynamicsTerms
 ) -> Command:
     """Return a command with a reference: if it has none, that which brings robots to their target.
 
@@ -542,8 +539,7 @@ def stabilise(
     """
     if len(command.reference) > 0:
         return command
-    count, size = state.qvel.shape
-    found = Command(np.zeros((count, size)), np.empty((count, 6)), command.push)
+    found = Command(np.zeros(state.qvel.shape), np.empty((len(state.qvel), 6)), command.push)
     _stabilise(law, command.body, state, target, terms, found)
     return found
 

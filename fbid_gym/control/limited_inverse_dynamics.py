@@ -39,13 +39,7 @@ from fbid_gym.control.equations import (
 )
 from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
-from fbid_gym.quantities import (
-    Accuracy,
-    EquationOfMotion,
-    Nearness,
-    PointLimits,
-    ReducedContacts,
-)
+from fbid_gym.quantities import Accuracy, EquationOfMotion, Nearness, PointLimits, ReducedContacts
 from fbid_gym.small_matrices import (
     copy,
     dot,

@@ -11,14 +11,9 @@ from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
 from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.body_law import LawMemory
-from fbid_gym.control.contact_forces import (
-    DEFAULT_ACCURACY,
-)
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import (
-    share_freely,
-    share_within_limits,
-)
+from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back

@@ -426,11 +426,7 @@ def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
 
 @compiled
 def _factor_leg(
-    by_leg: np.ndarray,
-    weight: np.ndarray,
-    share: float,
-    gain: np.ndarray,
-    ridge: np.ndarray,
+    by_leg: np.ndarray, weight: np.ndarray, share: float, gain: np.ndarray, ridge: np.ndarray
 ) -> None:
     """Write the factors of G of one leg (R, R), and the ridge on G (R,), a `share` of its mean.
 

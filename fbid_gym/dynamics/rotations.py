@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.dynamics.vectors import Rotation, Vector, add, cross, scale, transposed
+from fbid_gym.dynamics.vectors import Rotation, Vector, add, cross, dot, scale, transposed
 
 
 @compiled
@@ -17,6 +17,22 @@ def rotation_at(quaternions: np.ndarray, i: int, first: int) -> Rotation:
         (double * (x * y + w * z), 1.0 - double * (x * x + z * z), double * (y * z - w * x)),
         (double * (x * z - w * y), double * (y * z + w * x), 1.0 - double * (x * x + y * y)),
     )
+
+
+@compiled
+def turn_quaternion(quaternions: np.ndarray, i: int, first: int, by: Vector) -> None:
+    """Turn quaternions[i, first : first + 4] by a rotation vector (rad, world axes)."""
+    angle = np.sqrt(dot(by, by))
+    half = 0.5 * angle
+    sine = 0.5 if angle < 1e-8 else np.sin(half) / angle
+    w, (x, y, z) = np.cos(half), scale(sine, by)
+    a, b = quaternions[i, first], quaternions[i, first + 1]
+    c, d = quaternions[i, first + 2], quaternions[i, first + 3]
+    e, f = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
+    g, h = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
+    size = np.sqrt(e * e + f * f + g * g + h * h)
+    quaternions[i, first], quaternions[i, first + 1] = e / size, f / size
+    quaternions[i, first + 2], quaternions[i, first + 3] = g / size, h / size
 
 
 @compiled

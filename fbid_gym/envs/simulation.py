@@ -119,11 +119,7 @@ class Simulation:
         return self._terms
 
     def place(
-        self,
-        ids: np.ndarray,
-        qpos: np.ndarray,
-        qvel: np.ndarray,
-        ground: np.ndarray | float = 0.0,
+        self, ids: np.ndarray, qpos: np.ndarray, qvel: np.ndarray, ground: np.ndarray | float = 0.0
     ) -> None:
         """Start the robots `ids` anew, each with its lowest contact point on the ground.
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.rotations import rotation_at, turn_quaternion
 from fbid_gym.dynamics.vectors import (
     Rotation,
     Vector,
@@ -19,17 +19,7 @@ from fbid_gym.dynamics.vectors import (
     turn,
     vector,
 )
-from fbid_gym.estimation.invariant_filter import (
-    BA,
-    BG,
-    Belief,
-    D,
-    Filter,
-    P,
-    V,
-    store_quaternion,
-    turn_quaternion,
-)
+from fbid_gym.estimation.invariant_filter import BA, BG, Belief, D, Filter, P, V, store_quaternion
 from fbid_gym.estimation.legs import Legs, place_foot, turning
 from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.restart import begin_anew, has_gone_wrong
@@ -39,12 +29,7 @@ from fbid_gym.quantities import RobotState
 
 @kernel
 def update(
-    own: Filter,
-    legs: Legs,
-    readings: Readings,
-    which: np.ndarray,
-    belief: Belief,
-    seen: RobotState,
+    own: Filter, legs: Legs, readings: Readings, which: np.ndarray, belief: Belief, seen: RobotState
 ) -> None:
     """Go on with the estimate by a tick, and write it as a robot's state.
 
@@ -228,7 +213,7 @@ def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
     for foot in range(belief.foot.shape[1]):
         if belief.standing[i, foot]:
             _move(error, D + 3 * foot, by, versine, rest, turned, belief.foot, (i, foot))
-    turn_quaternion(belief.quaternion, i, by)
+    turn_quaternion(belief.quaternion, i, 0, by)
     for axis in range(3):
         belief.gyroscope_bias[i, axis] -= error[BG + axis]
         belief.accelerometer_bias[i, axis] -= error[BA + axis]
@@ -290,8 +275,7 @@ def write_state(own: Filter, readings: Readings, belief: Belief, seen: RobotStat
     store_quaternion(base, seen.qpos, i, 3)
     place = vector(own.mounting.place, ())
     spin = turn(
-        to_base,
-        subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,))),
+        to_base, subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
     )
     middle = add(vector(belief.origin, (i,)), vector(belief.position, (i,)))
     store(subtract(middle, turn(base, place)), seen.qpos, (i,))

@@ -28,12 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.dynamics.vectors import (
-    Rotation,
-    Vector,
-    dot,
-    scale,
-)
+from fbid_gym.dynamics.vectors import Rotation
 from fbid_gym.estimation.legs import Mounting
 
 R, V, P, BG, BA, D = 0, 3, 6, 9, 12, 15
@@ -114,22 +109,6 @@ class Belief(NamedTuple):
             refused=refused,
             restarts=restarts,
         )
-
-
-@compiled
-def turn_quaternion(quaternion: np.ndarray, i: int, by: Vector) -> None:
-    """Turn quaternion[i] by a rotation vector (rad, world axes)."""
-    angle = np.sqrt(dot(by, by))
-    half = 0.5 * angle
-    sine = 0.5 if angle < 1e-8 else np.sin(half) / angle
-    w, (x, y, z) = np.cos(half), scale(sine, by)
-    a, b = quaternion[i, 0], quaternion[i, 1]
-    c, d = quaternion[i, 2], quaternion[i, 3]
-    e, f = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
-    g, h = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
-    size = np.sqrt(e * e + f * f + g * g + h * h)
-    quaternion[i, 0], quaternion[i, 1] = e / size, f / size
-    quaternion[i, 2], quaternion[i, 3] = g / size, h / size
 
 
 @compiled

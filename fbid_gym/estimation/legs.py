@@ -129,12 +129,7 @@ def turning(axis: Vector) -> Rotation:
 
 @compiled
 def place_foot(
-    legs: Legs,
-    foot: int,
-    angle: np.ndarray,
-    rate: np.ndarray,
-    axis: np.ndarray,
-    arm: np.ndarray,
+    legs: Legs, foot: int, angle: np.ndarray, rate: np.ndarray, axis: np.ndarray, arm: np.ndarray
 ) -> tuple[Vector, Vector]:
     """Return a foot's centre, and its angular velocity against the unit, in the unit's frame.
 

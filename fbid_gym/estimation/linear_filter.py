@@ -22,7 +22,7 @@ Contacts, slipping feet and restarts are the invariant filter's.
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.rotations import rotation_at, turn_quaternion
 from fbid_gym.dynamics.vectors import (
     Rotation,
     Vector,
@@ -37,7 +37,7 @@ from fbid_gym.dynamics.vectors import (
     vector,
 )
 from fbid_gym.estimation.correction import roll, write_state
-from fbid_gym.estimation.invariant_filter import Belief, Filter, turn_quaternion
+from fbid_gym.estimation.invariant_filter import Belief, Filter
 from fbid_gym.estimation.legs import Legs, place_foot
 from fbid_gym.estimation.prediction import integrate, midway
 from fbid_gym.estimation.restart import begin_upright, has_gone_wrong
@@ -84,7 +84,7 @@ def _observe(own: Filter, readings: Readings, belief: Belief, middle: Rotation, 
     if trust > 0.0:
         variance = tilt + own.leaning / trust
         seen = (-up[1] / size, up[0] / size, 0.0)
-        turn_quaternion(belief.quaternion, i, scale(-tilt / variance, seen))
+        turn_quaternion(belief.quaternion, i, 0, scale(-tilt / variance, seen))
         change = turn(transposed(middle), scale(shared / variance, seen))
         store(subtract(vector(belief.gyroscope_bias, (i,)), change), belief.gyroscope_bias, (i,))
         bias -= shared * shared / variance
@@ -113,12 +113,7 @@ def _spread(own: Filter, belief: Belief, i: int) -> None:
 
 @kernel
 def update_linear(
-    own: Filter,
-    legs: Legs,
-    readings: Readings,
-    which: np.ndarray,
-    belief: Belief,
-    seen: RobotState,
+    own: Filter, legs: Legs, readings: Readings, which: np.ndarray, belief: Belief, seen: RobotState
 ) -> None:
     """Go on with the estimate by a tick, see `correction.update`."""
     _predict(own, readings, which, belief)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.rotations import rotation_at, turn_quaternion
 from fbid_gym.dynamics.vectors import (
     Rotation,
     Vector,
@@ -16,17 +16,7 @@ from fbid_gym.dynamics.vectors import (
     turn,
     vector,
 )
-from fbid_gym.estimation.invariant_filter import (
-    BA,
-    BG,
-    Belief,
-    D,
-    Filter,
-    P,
-    R,
-    V,
-    turn_quaternion,
-)
+from fbid_gym.estimation.invariant_filter import BA, BG, Belief, D, Filter, P, R, V
 from fbid_gym.estimation.legs import turning
 from fbid_gym.estimation.sensing import Readings
 
@@ -72,7 +62,7 @@ def integrate(own: Filter, readings: Readings, belief: Belief, middle: Rotation,
     store(add(velocity, change), belief.velocity, (i,))
     way = scale(dt, add(velocity, scale(0.5, change)))
     store(add(position, way), belief.position, (i,))
-    turn_quaternion(belief.quaternion, i, turn(middle, scale(dt, spin)))
+    turn_quaternion(belief.quaternion, i, 0, turn(middle, scale(dt, spin)))
 
 
 @compiled

@@ -4,25 +4,8 @@ import numpy as np
 
 from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.rotations import rotation_at
-from fbid_gym.dynamics.vectors import (
-    Rotation,
-    add,
-    cross,
-    dot,
-    scale,
-    subtract,
-    turn,
-    vector,
-)
-from fbid_gym.estimation.invariant_filter import (
-    BA,
-    BG,
-    Belief,
-    Filter,
-    R,
-    V,
-    store_quaternion,
-)
+from fbid_gym.dynamics.vectors import Rotation, add, cross, dot, scale, subtract, turn, vector
+from fbid_gym.estimation.invariant_filter import BA, BG, Belief, Filter, R, V, store_quaternion
 
 
 @compiled

@@ -18,12 +18,7 @@ import numpy as np
 
 from fbid_gym.bundles import save_bundle
 from fbid_gym.checks import check_finite, check_plain, check_positive, real_numbers
-from fbid_gym.errors import (
-    InvalidValueError,
-    NonFiniteError,
-    PolicyFileError,
-    ShapeError,
-)
+from fbid_gym.errors import InvalidValueError, NonFiniteError, PolicyFileError, ShapeError
 from fbid_gym.options import Choice
 from fbid_gym.policy.card import Card
 from fbid_gym.policy.policy_file import FORMAT, place_of, read_policy

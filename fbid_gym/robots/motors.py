@@ -113,9 +113,7 @@ def use_motors(
     ]
 
 
-def motor_of_each_joint(
-    model: mujoco.MjModel,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motor_of_each_joint(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the torque motor of every joint and its limit.
 
     The limit is the smallest magnitude among gear * ctrlrange, gear * forcerange and the joint's

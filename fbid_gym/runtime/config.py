@@ -8,12 +8,7 @@ from typing import Annotated, Any
 import mujoco
 import numpy as np
 
-from fbid_gym.actions import (
-    LAYERS,
-    ActionLayer,
-    layer_options,
-    make_layer,
-)
+from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
@@ -58,10 +53,7 @@ STATES = ("estimated", "true")
 """What controllers may know of the state."""
 
 _MOST_OF_PYRAMIDS = 10.0  # impratio
-_CONES = {
-    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
-    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
-}
+_CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
 
 @dataclass(frozen=True)

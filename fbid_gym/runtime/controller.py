@@ -91,10 +91,7 @@ class Controller:
 
     @classmethod
     def load(
-        cls,
-        policy: str | Path | Policy,
-        robot: str | Path | Robot | None = None,
-        **arguments: Any,
+        cls, policy: str | Path | Policy, robot: str | Path | Robot | None = None, **arguments: Any
     ) -> "Controller":
         """Build the controller of a trained policy.
 

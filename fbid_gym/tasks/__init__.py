@@ -5,14 +5,7 @@ from typing import Any, NamedTuple
 
 from fbid_gym.checks import check_choices
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.options import (
-    Choice,
-    Pair,
-    check_call,
-    check_own_name,
-    grouped,
-    options_of,
-)
+from fbid_gym.options import Choice, Pair, check_call, check_own_name, grouped, options_of
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.body import Body
@@ -105,12 +98,7 @@ def register_task(
 
 
 def register_reward_term(
-    task: str,
-    name: str,
-    function: Any,
-    weight: float,
-    scale: float | None = None,
-    unit: str = "",
+    task: str, name: str, function: Any, weight: float, scale: float | None = None, unit: str = ""
 ) -> None:
     """Add a term of your own to the reward of a task; a second time replaces it.
 

@@ -58,10 +58,5 @@ def _turned(heading: float, quaternion: np.ndarray) -> np.ndarray:
     cosine, sine = np.cos(heading / 2.0), np.sin(heading / 2.0)
     w, x, y, z = quaternion
     return np.array(
-        [
-            cosine * w - sine * z,
-            cosine * x - sine * y,
-            cosine * y + sine * x,
-            cosine * z + sine * w,
-        ]
+        [cosine * w - sine * z, cosine * x - sine * y, cosine * y + sine * x, cosine * z + sine * w]
     )

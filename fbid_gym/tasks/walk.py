@@ -48,13 +48,7 @@ from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Terms
 from fbid_gym.tasks.task import Episode, Ground, Now
-from fbid_gym.tasks.walk_measures import (
-    REWARD_TERMS,
-    Notes,
-    WalkMeasures,
-    measure_motion,
-    note,
-)
+from fbid_gym.tasks.walk_measures import REWARD_TERMS, Notes, WalkMeasures, measure_motion, note
 
 MOST_LOWERED = 0.2
 """Of the height of the centre of mass: much lower, and legs are too bent to walk."""

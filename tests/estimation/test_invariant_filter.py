@@ -154,10 +154,7 @@ def test_what_the_legs_measure_is_linear_in_the_error(rng):
 
 
 KINDS = {
-    "invariant": (
-        update,
-        np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, *[5] * 9]),
-    ),
+    "invariant": (update, np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, *[5] * 9])),
     "linear": (update_linear, np.array([0, 3, 1, 2, *[5] * FEET])),
 }
 """Filter -> its step, and which of SPREAD the rows of its covariance have."""

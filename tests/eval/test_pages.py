@@ -4,12 +4,7 @@ import shlex
 
 import pytest
 
-from eval.page.docs import (
-    END,
-    START,
-    command_block,
-    splice,
-)
+from eval.page.docs import END, START, command_block, splice
 from fbid_gym.errors import RunError
 
 

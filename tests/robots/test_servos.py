@@ -200,10 +200,7 @@ def test_a_solver_that_stops_early_is_told_to_go_on() -> None:
     ("options", "message"),
     [
         ({"torque_limit": {"ankle*": 3.0}}, "Unknown joint 'ankle*' in torque_limit. Valid choi"),
-        (
-            {"torque_limit": {"knee": "strong"}},
-            "torque_limit of knee: 'strong'. Expected a pos",
-        ),
+        ({"torque_limit": {"knee": "strong"}}, "torque_limit of knee: 'strong'. Expected a pos"),
         ({"torque_limit": -3}, "torque_limit of *: -3. Expected a positive finite number."),
         ({"torque_limit": 3, "armature": {"knee": 0.0}}, "armature of knee: 0.0. Expected a pos"),
         ({"torque_limit": {"knee": 3.0}}, "Joints without an actuator: hip. Expected one motor"),

@@ -226,12 +226,7 @@ _SERVER.set_forkserver_preload(["train.training"])
 
 
 def train_and_die(
-    folder: Path,
-    step: int,
-    number: int = signal.SIGKILL,
-    *,
-    real: bool = False,
-    **changes: Any,
+    folder: Path, step: int, number: int = signal.SIGKILL, *, real: bool = False, **changes: Any
 ) -> str:
     """Train in a process of its own that gets a signal in the given step; return its output."""
     log = folder.with_name(f"{folder.name}.log")

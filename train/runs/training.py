@@ -83,10 +83,7 @@ def is_finished(config: TrainConfig) -> bool:
 
 
 def _progress(
-    config: TrainConfig,
-    row: list[dict[str, str]],
-    evaluation: list[dict[str, str]],
-    exported: int,
+    config: TrainConfig, row: list[dict[str, str]], evaluation: list[dict[str, str]], exported: int
 ) -> Progress:
     steps, total = int(row[0]["steps"]) if row else 0, config.total_steps
     note, share = f"{steps} of {total} steps", min(steps / total, 1.0)

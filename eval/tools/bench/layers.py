@@ -168,10 +168,7 @@ def _ticks(name: str, told: str) -> Callable[[], tuple[float, float]]:
     """Seconds of a controller's tick: mean, and of those at which the policy acts; no physics."""
     made = Controller.load(f"shipped:{name}", sensors="mems" if told == "readings" else "perfect")
     robot, still = made.robot, np.zeros(3)
-    sensors = {
-        "joint_position": robot.home_qpos[7:],
-        "joint_velocity": np.zeros(robot.num_joints),
-    }
+    sensors = {"joint_position": robot.home_qpos[7:], "joint_velocity": np.zeros(robot.num_joints)}
     if told == "readings":
         sensors |= {"gyroscope": still, "accelerometer": np.array([0.0, 0.0, robot.gravity])}
         sensors["contact_load"] = np.full(robot.num_feet, robot.weight / robot.num_feet)

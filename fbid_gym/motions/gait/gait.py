@@ -58,11 +58,7 @@ class Gait:
         return own | {_PREFIX + name: value for name, value in target.items()}
 
     def advance(
-        self,
-        command: GaitCommand,
-        terms: DynamicsTerms,
-        contact_force: np.ndarray,
-        memory: Memory,
+        self, command: GaitCommand, terms: DynamicsTerms, contact_force: np.ndarray, memory: Memory
     ) -> Target:
         """Advance by one control tick; return the robots' target, in the arrays of their memory.
 

@@ -6,16 +6,7 @@ import pytest
 
 from eval.files import read_json
 from eval.page import html
-from eval.papers.experiment import (
-    Finding,
-    Setting,
-    curves,
-    experiment,
-    load,
-    named,
-    perform,
-    row,
-)
+from eval.papers.experiment import Finding, Setting, curves, experiment, load, named, perform, row
 from eval.papers.mistry2010.continuity import claim_continuity
 from eval.papers.page import Section, page, summary
 from eval.papers.registry import Paper, experiments

@@ -4,12 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval.papers.garofalo2015.balancer import (
-    COLOUR,
-    GAROFALO,
-    Balancer,
-    stance_rotation_inertia,
-)
+from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer, stance_rotation_inertia
 from eval.papers.garofalo2015.bout import Blow, bout, settling_time, unrealised
 from eval.papers.garofalo2015.largest_blow import FIRST, largest
 from eval.papers.garofalo2015.pendulum import Pendulum

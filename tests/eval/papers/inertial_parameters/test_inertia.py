@@ -71,9 +71,7 @@ def test_parameters_of_a_model_are_pinocchios(name):
     robot = robots.load(name)
     dynamics = PinocchioDynamics(robot)
     for body, parameters in zip(
-        bodies_with_mass(robot),
-        body_parameters(robot.model, bodies_with_mass(robot)),
-        strict=True,
+        bodies_with_mass(robot), body_parameters(robot.model, bodies_with_mass(robot)), strict=True
     ):
         frame = dynamics.model.frames[int(body)]
         inertia = dynamics.model.inertias[frame.parentJoint]

@@ -120,8 +120,7 @@ def test_with_a_metric_units_do_not_matter(describe, metric, consistent):
     metres, other = describe(1.0, consistent), describe(MILLIMETRES, consistent)
     solutions = [
         metric_inverse_dynamics(
-            Equation(*case.law),
-            length_metric(LEG * unit) if metric == "length" else case.law[0],
+            Equation(*case.law), length_metric(LEG * unit) if metric == "length" else case.law[0]
         )
         for case, unit in ((metres, 1.0), (other, MILLIMETRES))
     ]
