@@ -1,9 +1,9 @@
-"""Where robots will be when a torque reaches its motors that is sent to them now.
+"""Where robots will be when the torque that is computed now reaches their motors.
 
-Until then the torques act that are on their way, and the law knows for which accelerations it made
-them. With these it goes on from the state that it is told, so its feedback answers the state that
-it meets, as a Smith predictor's does (O. J. M. Smith 1957, "Closer control of loops with dead
-time", Chemical Engineering Progress 53).
+Until then the torques act that are on their way, and the law knows the accelerations that it made
+them for. With these it predicts the state at which the new torque begins to act, and answers that
+state instead of the measured one, as a Smith predictor does (O. J. M. Smith 1957, "Closer control
+of loops with dead time", Chemical Engineering Progress 53).
 """
 
 from typing import NamedTuple
