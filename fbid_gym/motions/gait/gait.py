@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
@@ -78,7 +79,13 @@ class Gait:
         return Target(*_asked(memory))
 
 
-def gait_of(robot: Robot, hz: int, name: str | None = None, integral_time: float = 0.0) -> Gait:
+def gait_of(
+    robot: Robot,
+    hz: int,
+    name: str | None = None,
+    integral_time: float = 0.0,
+    period: float | None = None,
+) -> Gait:
     """Return the gait of a robot: on four point feet, or on two flat ones.
 
     Args:
@@ -86,20 +93,24 @@ def gait_of(robot: Robot, hz: int, name: str | None = None, integral_time: float
         hz: control ticks per second.
         name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
         integral_time: in which an error of the velocity is made up for, see `Trim`; 0: it lasts.
+        period: of a quadruped's cycle, in units of sqrt(h / g). Default: its gait's.
 
     Raises:
         UnknownOptionError: no such gait.
+        InvalidValueError: a period of a biped, which chooses it by speed and strength.
         RobotError: the robot has other feet.
     """
     biped = robot.num_feet == 2
     known = ["walk"] if biped else [*PATTERNS]
     if name is not None:
         Choice(known).check("gait of a biped" if biped else "gait", name)
+    if biped and period is not None:
+        raise InvalidValueError("gait_period", period, "None for a biped")
     tick = 1.0 / hz
     if biped:
         on_soles = biped_gait(robot, integral_time)
         return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
-    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time)
+    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time, period)
     return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 

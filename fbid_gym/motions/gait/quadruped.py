@@ -34,16 +34,19 @@ _BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 _SAMPLES = 2000
 
 
-def quadruped_gait(robot: Robot, gait: str = "trot", integral_time: float = 0.0) -> PointFootGait:
+def quadruped_gait(
+    robot: Robot, gait: str = "trot", integral_time: float = 0.0, period: float | None = None
+) -> PointFootGait:
     """Return a gait, one of `schedule.PATTERNS`, of a robot with four point feet.
 
-    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`.
+    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`. A cycle takes
+    a `period`, see `schedule_of`.
 
     Raises:
         UnknownOptionError: no such gait.
         RobotError: the robot has not one foot at each corner, or one with several points.
     """
-    schedule = schedule_of(robot, gait)
+    schedule = schedule_of(robot, gait, period)
     broad = [foot.name for foot in robot.feet if foot.num_points > 1]
     if broad:
         raise RobotError(

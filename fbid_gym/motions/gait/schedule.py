@@ -44,8 +44,10 @@ PATTERNS = {
 of one side; front and hind pairs; none."""
 
 
-def schedule_of(robot: Robot, gait: str = "trot") -> Schedule:
+def schedule_of(robot: Robot, gait: str = "trot", period: float | None = None) -> Schedule:
     """Return the schedule of a gait on a robot's four feet, found by where they stand at home.
+
+    A cycle takes a `period`, in units of sqrt(h / g), or that of the pattern.
 
     Raises:
         UnknownOptionError: a gait that is none of `PATTERNS`.
@@ -54,8 +56,10 @@ def schedule_of(robot: Robot, gait: str = "trot") -> Schedule:
     if gait not in PATTERNS:
         raise UnknownOptionError("gait", gait, PATTERNS)
     pattern, stance = PATTERNS[gait], Stance.of(robot)
-    period = pattern.period * math.sqrt(stance.home_com[2] / robot.gravity)
-    return Schedule(float(period), pattern.duty, np.array(pattern.lift)[corners_of(robot)])
+    time = math.sqrt(stance.home_com[2] / robot.gravity)
+    return Schedule(
+        (period or pattern.period) * time, pattern.duty, np.array(pattern.lift)[corners_of(robot)]
+    )
 
 
 def corners_of(robot: Robot) -> np.ndarray:

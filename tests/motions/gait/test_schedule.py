@@ -67,6 +67,12 @@ def test_the_period_is_that_of_the_pendulum():
     assert math.isfinite(small.period)
 
 
+def test_a_period_is_in_the_pendulums_time():
+    usual, asked = schedule_of(dog()), schedule_of(dog(), period=1.25)
+    assert asked.period == pytest.approx(0.5 * usual.period)
+    assert asked.duty == usual.duty and np.array_equal(asked.lift, usual.lift)
+
+
 def test_bad_input_is_refused():
     robot = load("quadruped")
     with pytest.raises(UnknownOptionError, match=r"gait.*gallop.*trot, walk, pace, bound, stand"):
