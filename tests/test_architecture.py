@@ -90,16 +90,16 @@ LINES = {
     "dynamics": 1700,
     "envs": 3683,
     "estimation": 2102,
-    "motions": 3885,
+    "motions": 3889,
     "policy": 647,
     "robots": 6029,
     "runtime": 1911,
-    "tasks": 2319,
+    "tasks": 2322,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_456
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_438
+TEST_LINES = 30_446
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (38, 7144)}

@@ -36,7 +36,7 @@ import numpy as np
 
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand
-from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
+from fbid_gym.motions.gait.gait import Gait, default_gait, default_period, gait_of
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number, Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
@@ -118,9 +118,9 @@ class Walk(Episode):
                 an episode, in units of h. Layers follow; the policy sees its height.
             gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
                 biped has but one.
-            gait_period: of the cycle of a quadruped's gait, in units of sqrt(h / g). Default: 2.5
-                of a trot, 4 of a walk, 1.7 of a pace, 1.8 of a bound. Short steps slip less and are
-                steadier; they need faster joints.
+            gait_period: of the gait's cycle, in units of sqrt(h / g), of a biped with h as it
+                walks in no haste. Default: 2.5 of a trot, 4 of a walk on point feet, 1.7 of a pace,
+                1.8 of a bound, 3.4 of a biped. Quick steps need fast joints.
             integral_time: in which the gait makes up for a lasting error of the velocity, such as a
                 load's, in units of sqrt(h / g): it adds the error's integral, up to a tenth of
                 sqrt(g h), to the command. 0: it does not.
@@ -142,7 +142,10 @@ class Walk(Episode):
             episode,
             # A gait may have a robot whose legs are straight at home a good deal lower.
             body=Body.of(robot, float(stance.home_base[2]) - walks.height + lowered[1]),
-            derived={"gait": gait or default_gait(robot)},
+            derived={
+                "gait": gait or default_gait(robot),
+                "gait_period": gait_period or default_period(robot, gait),
+            },
             gait=walks,
             commands=dict(zip(("m/s ahead", "m/s to the left", "rad/s"), most, strict=True)),
             most=most,

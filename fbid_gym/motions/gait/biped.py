@@ -13,12 +13,14 @@ from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
 
+PERIOD = 3.4
+"""Pendulum times a cycle of two steps."""
+
 SOLE = 0.8
 """Share of the sole that the centre of pressure may use."""
 
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length (`Stance.size`), its
 # speed sqrt(g l), its weight and its soles.
-_PERIOD = 1.7  # pendulum times a step
 _DOUBLE = 0.25  # of a step in double support
 _SETTLE = 1.25  # pendulum times to shift the weight
 _AGILITY = 0.4  # of gravity
@@ -34,10 +36,11 @@ _LEVEL = 0.02  # of the mean square distance of the feet from their middle
 _LOWER = 0.04  # of the leg, by which a walking robot's base is lower than at home
 
 
-def biped_gait(robot: Robot, integral_time: float = 0.0) -> FlatFootGait:
+def biped_gait(robot: Robot, integral_time: float = 0.0, cycle: float = PERIOD) -> FlatFootGait:
     """Return the gait of a robot with two feet, a left one and a right one, on flat soles.
 
-    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`.
+    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`. A `cycle` in
+    no haste takes so many pendulum times.
 
     Raises:
         RobotError: the robot has not two feet, or not flat ones, or not side by side.
@@ -69,7 +72,7 @@ def biped_gait(robot: Robot, integral_time: float = 0.0) -> FlatFootGait:
         )
     gravity = robot.gravity
     omega = math.sqrt(gravity / (home.com[0, 2] - ground - _LOWER * leg))
-    period = _PERIOD / omega
+    period = 0.5 * cycle / omega
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
-from fbid_gym.motions.gait.biped import biped_gait
+from fbid_gym.motions.gait.biped import PERIOD, biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
@@ -93,27 +92,29 @@ def gait_of(
         hz: control ticks per second.
         name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
         integral_time: in which an error of the velocity is made up for, see `Trim`; 0: it lasts.
-        period: of a quadruped's cycle, in units of sqrt(h / g). Default: its gait's.
+        period: of its cycle, in units of sqrt(h / g). Default: `default_period`.
 
     Raises:
         UnknownOptionError: no such gait.
-        InvalidValueError: a period of a biped, which chooses it by speed and strength.
         RobotError: the robot has other feet.
     """
     biped = robot.num_feet == 2
     known = ["walk"] if biped else [*PATTERNS]
     if name is not None:
         Choice(known).check("gait of a biped" if biped else "gait", name)
-    if biped and period is not None:
-        raise InvalidValueError("gait_period", period, "None for a biped")
-    tick = 1.0 / hz
+    tick, cycle = 1.0 / hz, period or default_period(robot, name)
     if biped:
-        on_soles = biped_gait(robot, integral_time)
+        on_soles = biped_gait(robot, integral_time, cycle)
         return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
-    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time, period)
+    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time, cycle)
     return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 
 def default_gait(robot: Robot) -> str:
     """Return the name of the gait that a robot walks unless told otherwise."""
     return "walk" if robot.num_feet == 2 else "trot"
+
+
+def default_period(robot: Robot, name: str | None = None) -> float:
+    """Return the time that a cycle of a robot's gait takes unless told, in units of sqrt(h / g)."""
+    return PERIOD if robot.num_feet == 2 else PATTERNS[name or default_gait(robot)].period

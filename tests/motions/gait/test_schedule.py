@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import UnknownOptionError
+from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
 from fbid_gym.robots import load
 from tests.dogs import dog
@@ -64,6 +65,13 @@ def test_the_period_is_that_of_the_pendulum():
     assert large.duty == small.duty
     asked = schedule_of(dog(1.0), period=0.5 * PATTERNS["trot"].period)
     assert asked.period == pytest.approx(0.5 * small.period)
+
+
+def test_a_biped_steps_twice_in_a_cycle():
+    usual, slow = (gait_of(load("biped"), 500, period=cycle).constants for cycle in (None, 6.8))
+    assert slow.single == pytest.approx(2.0 * usual.single)
+    assert slow.double == pytest.approx(2.0 * usual.double)
+    assert usual.omega * (usual.single + usual.double) == pytest.approx(1.7)
 
 
 def test_bad_input_is_refused():
