@@ -73,7 +73,13 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
         **_LIGHT,
         **_ON_SOLES,
     },
-    "fbid_gym/QuadrupedWalk-v1": {"robot": "go1", "task": "walk", **_LIGHT, **_HARDER},
+    "fbid_gym/QuadrupedWalk-v1": {
+        "robot": "go1",
+        "task": "walk",
+        "gait": "short_trot",
+        **_LIGHT,
+        **_HARDER,
+    },
     "fbid_gym/BipedWalk-v1": {"robot": "biped", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
     "fbid_gym/HumanoidWalk-v1": {"robot": "g1", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
     "fbid_gym/QuadrupedTerrain-v1": {

@@ -9,23 +9,20 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.point_gait import PointFootGait
-from fbid_gym.motions.gait.schedule import schedule_of
+from fbid_gym.motions.gait.schedule import PATTERNS, schedule_of
 from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.robots import Robot
 from fbid_gym.robots.measured import once_for_robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
 # speed sqrt(g h), gravity g and the weight.
-_CAPTURE = 1.0
 _AGILITY = 0.4  # of gravity
 _REST = 0.1  # of the speed
 _ASTRAY = 0.25  # of the height
 _MARGIN = 0.5  # of the way to the edge of the feet
-_LIFT = 0.25
 _SINK = 1.0
 _BEND = 0.1  # of the speed
 _TOUCH = 0.01
-_UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
 _FELT = 0.25  # cycles over which the ground is felt
 _LEVEL = 0.02  # of the mean square distance of the feet from their middle
@@ -46,7 +43,7 @@ def quadruped_gait(
         UnknownOptionError: no such gait.
         RobotError: the robot has not one foot at each corner, or one with several points.
     """
-    schedule = schedule_of(robot, gait, period)
+    schedule, pattern = schedule_of(robot, gait, period), PATTERNS[gait]
     broad = [foot.name for foot in robot.feet if foot.num_points > 1]
     if broad:
         raise RobotError(
@@ -66,7 +63,7 @@ def quadruped_gait(
         schedule=schedule,
         sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
         omega=1.0 / time,
-        capture=_CAPTURE,
+        capture=pattern.capture,
         agility=np.array([agility, agility, agility / stance.length]),
         trim=Trim.of(integral_time, 1.0 / time, gravity),
         rest=_REST * speed,
@@ -74,10 +71,10 @@ def quadruped_gait(
         margin=_MARGIN * float(stance.margin.min()),
         height=float(stance.home_base[2]) - drop,
         bend=_BEND * speed,
-        lift=_LIFT * height,
+        lift=pattern.clearance * height,
         sink=_SINK * speed,
         touch=_TOUCH * robot.weight,
-        unload=_UNLOAD * time,
+        unload=pattern.unload * time,
         place=np.ascontiguousarray(place),
         hip=hips - base,
         reach=_REACH * lengths,
