@@ -87,27 +87,38 @@ def test_a_sole_that_tips_about_its_edge_does_not_slip(rng: np.random.Generator)
     assert robot.after(0.5) == LEAST
 
 
+def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, np.ndarray]:
+    """Walk on ground whose friction the law does not know, with pushes.
+
+    Returns:
+        The share that stays up, and the grip of each of these.
+    """
+    env = gym.make_vec(
+        "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration", gait=gait,
+        randomisation={"friction": (friction, friction)}, forward_range=(-0.5, 0.5),
+        autoreset_mode=gym.vector.AutoresetMode.DISABLED,
+        layer_options={"notice_slip": notices},
+    )  # fmt: skip
+    env.reset(seed=0)
+    alive = np.ones(32, bool)
+    for _ in range(400):
+        info, fallen = (out := env.step(np.zeros(env.action_space.shape)))[4], out[2]
+        alive &= ~fallen
+        if fallen.any():
+            env.reset(options={"reset_mask": fallen})
+    env.close()
+    return alive.mean(), info["layer_grip"][alive]
+
+
 def test_robots_on_slippery_ground_stay_up_by_it() -> None:
-    """A trot on ground of 0.4 of its friction, which the law does not know, with pushes."""
-    up, grip = {}, {}
-    for friction, notices in ((1.0, True), (0.4, True), (0.4, False)):
-        env = gym.make_vec(
-            "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration",
-            randomisation={"friction": (friction, friction)}, forward_range=(-0.5, 0.5),
-            autoreset_mode=gym.vector.AutoresetMode.DISABLED,
-            layer_options={"notice_slip": notices},
-        )  # fmt: skip
-        env.reset(seed=0)
-        alive, case = np.ones(32, bool), (friction, notices)
-        for _ in range(400):
-            info, fallen = (out := env.step(np.zeros(env.action_space.shape)))[4], out[2]
-            alive &= ~fallen
-            if fallen.any():
-                env.reset(options={"reset_mask": fallen})
-        up[case], grip[case] = alive.mean(), info["layer_grip"][alive]
-        env.close()
-    assert (grip[0.4, False] == 1.0).all()
-    assert grip[1.0, True].mean() > 0.9
-    assert 0.3 < grip[0.4, True].mean() < 0.8
-    assert up[0.4, True] > up[0.4, False] + 0.25
-    assert up[1.0, True] > 0.9
+    """A trot on ground of 0.4 of its friction."""
+    good, noticed, unnoticed = walk_on(1.0, True), walk_on(0.4, True), walk_on(0.4, False)
+    assert (unnoticed[1] == 1.0).all()
+    assert good[1].mean() > 0.9
+    assert 0.3 < noticed[1].mean() < 0.8
+    assert noticed[0] > unnoticed[0] + 0.25
+    assert good[0] > 0.9
+
+
+def test_more_stay_up_by_short_steps() -> None:
+    assert walk_on(0.3, True, "short_trot")[0] > walk_on(0.3, True)[0] + 0.1

@@ -16,7 +16,11 @@ QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
 @pytest.mark.parametrize(
     ("env", "arguments", "message"),
     [
-        (QUADRUPED, {"gait": "canter"}, "gait 'canter'. .*trot, walk, pace, bound, stand"),
+        (
+            QUADRUPED,
+            {"gait": "canter"},
+            "gait 'canter'. .*trot, short_trot, walk, pace, bound, stand",
+        ),
         (BIPED, {"gait": "trot"}, "gait 'trot' of a biped. .*walk"),
         (QUADRUPED, {"gait_period": 0.0}, "gait_period: 0.0. Expected .* from 0.5 to 10"),
         (QUADRUPED, {"forward_range": (0.0, 5.0)}, r"forward_range: .*a pair -2 <= least <= most"),

@@ -47,8 +47,8 @@ PATTERNS = {
 """Diagonal pairs, by long steps and by short and low ones; one foot after the other, each hind foot
 before the front foot of its side; pairs of one side; front and hind pairs; none.
 
-Steps of the short trot stay nearer to below the hips, so that feet slip less; they make up for four
-fifths of an error of the velocity at once. On level ground it is the better trot: docs/v1.md."""
+Feet of the short trot land nearer to below the hips, and make up for four fifths of an error of the
+velocity at once. It keeps more robots up on slippery ground and under pushes: docs/v1.md."""
 
 
 def schedule_of(robot: Robot, gait: str = "trot", period: float | None = None) -> Schedule:

@@ -34,7 +34,12 @@ def test_every_foot_stands_its_share_of_the_cycle_in_one_go(gait):
 
 @pytest.mark.parametrize(
     ("gait", "together"),
-    [("trot", [(0, 3), (1, 2)]), ("pace", [(0, 2), (1, 3)]), ("bound", [(0, 1), (2, 3)])],
+    [
+        ("trot", [(0, 3), (1, 2)]),
+        ("short_trot", [(0, 3), (1, 2)]),
+        ("pace", [(0, 2), (1, 3)]),
+        ("bound", [(0, 1), (2, 3)]),
+    ],
 )
 def test_pairs_move_together_and_half_a_cycle_apart(gait, together):
     robot = load("quadruped")
@@ -76,5 +81,7 @@ def test_a_biped_steps_twice_in_a_cycle():
 
 def test_bad_input_is_refused():
     robot = load("quadruped")
-    with pytest.raises(UnknownOptionError, match=r"gait.*gallop.*trot, walk, pace, bound, stand"):
+    with pytest.raises(
+        UnknownOptionError, match=r"gait.*gallop.*trot, short_trot, walk, pace, bound, stand"
+    ):
         schedule_of(robot, "gallop")
