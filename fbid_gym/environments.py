@@ -11,6 +11,7 @@ _LIGHT = {
     "solver_warm_start": False,
     "episode_seconds": 20.0,
 }
+_GO1 = {"robot": "go1", "task": "walk", **_LIGHT}
 _ON_SOLES = {
     "forward_range": (-0.14, 0.14),
     "sideways_range": (-0.05, 0.05),
@@ -56,16 +57,10 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "fbid_gym/BipedStep-v0": {"robot": "biped", "task": "step"},
     "fbid_gym/QuadrupedCrawl-v0": {"robot": "quadruped", "task": "crawl"},
     "fbid_gym/QuadrupedRough-v0": {"robot": "quadruped", "task": "crawl", "terrain": "obstacles"},
-    "fbid_gym/QuadrupedWalk-v0": {"robot": "go1", "task": "walk", **_LIGHT},
+    "fbid_gym/QuadrupedWalk-v0": {**_GO1},
     "fbid_gym/BipedWalk-v0": {"robot": "biped", "task": "walk", **_LIGHT, **_ON_SOLES},
     "fbid_gym/HumanoidWalk-v0": {"robot": "humanoid", "task": "walk", **_LIGHT, **_ON_SOLES},
-    "fbid_gym/QuadrupedTerrain-v0": {
-        "robot": "go1",
-        "task": "walk",
-        "terrain": "mixed",
-        "push_force": (0.0, 0.0),
-        **_LIGHT,
-    },
+    "fbid_gym/QuadrupedTerrain-v0": {**_GO1, "terrain": "mixed", "push_force": (0.0, 0.0)},
     "fbid_gym/BipedTerrain-v0": {
         "robot": "biped",
         "task": "walk",
@@ -73,22 +68,14 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
         **_LIGHT,
         **_ON_SOLES,
     },
-    "fbid_gym/QuadrupedWalk-v1": {
-        "robot": "go1",
-        "task": "walk",
-        "gait": "short_trot",
-        **_LIGHT,
-        **_HARDER,
-    },
+    "fbid_gym/QuadrupedWalk-v1": {**_GO1, **_HARDER, "gait": "short_trot"},
     "fbid_gym/BipedWalk-v1": {"robot": "biped", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
     "fbid_gym/HumanoidWalk-v1": {"robot": "g1", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
     "fbid_gym/QuadrupedTerrain-v1": {
-        "robot": "go1",
-        "task": "walk",
+        **_GO1,
+        **_HARDER,
         "terrain": "mixed",
         "curriculum": True,
-        **_LIGHT,
-        **_HARDER,
         "forward_range": (-0.35, 0.58),
         "sideways_range": (-0.23, 0.23),
         "turning_range": (-0.13, 0.13),

@@ -119,9 +119,8 @@ class Walk(Episode):
             gait: of a quadruped: "trot", "short_trot", "walk", "pace", "bound" or "stand". Default:
                 "trot"; a biped has but one.
             gait_period: time that a cycle of the gait takes, in units of sqrt(h / g); for a biped h
-                is the height at which it walks slowly. Default: 2.5 of a trot, 1.8 of a short one,
-                4 of a walk on point feet, 1.7 of a pace, 1.8 of a bound, 3.4 of a biped. Quick
-                steps need fast joints.
+                is the height at which it walks slowly. Default: 2.5 of a trot, 1.8 of a short one
+                and a bound, 4 of a walk, 1.7 of a pace, 3.4 of a biped.
             integral_time: in which the gait makes up for a lasting error of the velocity, such as a
                 load's, in units of sqrt(h / g): it adds the error's integral, up to a tenth of
                 sqrt(g h), to the command. 0: it does not.

@@ -17,8 +17,7 @@ class Standing:
     """A robot whose feet all carry, each at a velocity of its own."""
 
     def __init__(self, name: str, *, notices: bool = True) -> None:
-        robot = robots.load(name)
-        stance = Stance.of(robot)
+        stance = Stance.of(robot := robots.load(name))
         self.rate, self.gravity = stance.falling_rate, robot.gravity
         self.model = GripModel.of(self.rate, self.gravity, 1.0 / HZ, notices=notices)
         self.geometry = contact_geometry(robot)
@@ -30,20 +29,17 @@ class Standing:
 
     def after(self, seconds: float, active: bool = True) -> float:
         state = RobotState(np.empty((1, 0)), np.empty((1, 0)), self.load, np.zeros(1, np.int64))
-        stands = np.full(self.load.shape[:2], active)
+        stands, terms = np.full(self.load.shape[:2], active), self.terms
         for _ in range(round(seconds * HZ)):
-            notice_slip(
-                self.model, self.geometry, self.gravity, state, self.terms, stands, self.carried,
-                self.grip,
-            )  # fmt: skip
+            own = self.model, self.geometry, self.gravity, state, terms, stands, self.carried
+            notice_slip(*own, self.grip)
         return float(self.grip[0])
 
 
 @pytest.mark.parametrize("name", ["go1", "humanoid"])
 def test_a_foot_that_slips_lowers_it_and_one_that_creeps_does_not(name: str) -> None:
     robot = Standing(name)
-    unit = robot.gravity / robot.rate
-    robot.velocity[0, 1, :2] = 0.036 * unit, 0.047 * unit
+    robot.velocity[0, 1, :2] = np.array([0.036, 0.047]) * robot.gravity / robot.rate
     assert robot.after(1.0) == 1.0
     robot.velocity[0, 1, :2] *= 5.0
     robot.carried[:] = 0.0
@@ -88,16 +84,11 @@ def test_a_sole_that_tips_about_its_edge_does_not_slip(rng: np.random.Generator)
 
 
 def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, np.ndarray]:
-    """Walk on ground whose friction the law does not know, with pushes.
-
-    Returns:
-        The share that stays up, and the grip of each of these.
-    """
+    """Return the share that stays up on ground unknown to the law, and the grip of each."""
     env = gym.make_vec(
         "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration", gait=gait,
         randomisation={"friction": (friction, friction)}, forward_range=(-0.5, 0.5),
-        autoreset_mode=gym.vector.AutoresetMode.DISABLED,
-        layer_options={"notice_slip": notices},
+        autoreset_mode=gym.vector.AutoresetMode.DISABLED, layer_options={"notice_slip": notices},
     )  # fmt: skip
     env.reset(seed=0)
     alive = np.ones(32, bool)
@@ -111,14 +102,10 @@ def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, 
 
 
 def test_robots_on_slippery_ground_stay_up_by_it() -> None:
-    """A trot on ground of 0.4 of its friction."""
+    """A trot with pushes on ground of 0.4 of its friction; by short steps on less."""
     good, noticed, unnoticed = walk_on(1.0, True), walk_on(0.4, True), walk_on(0.4, False)
     assert (unnoticed[1] == 1.0).all()
-    assert good[1].mean() > 0.9
+    assert min(good[0], good[1].mean()) > 0.9
     assert 0.3 < noticed[1].mean() < 0.8
     assert noticed[0] > unnoticed[0] + 0.25
-    assert good[0] > 0.9
-
-
-def test_more_stay_up_by_short_steps() -> None:
     assert walk_on(0.3, True, "short_trot")[0] > walk_on(0.3, True)[0] + 0.1

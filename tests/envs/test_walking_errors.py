@@ -7,6 +7,7 @@ import pytest
 from fbid_gym.actions import make_layer
 from fbid_gym.errors import FbidError, RobotError
 from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.target import MotionKind
 from tests.dogs import CORNERS, dog
 
@@ -16,11 +17,7 @@ QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
 @pytest.mark.parametrize(
     ("env", "arguments", "message"),
     [
-        (
-            QUADRUPED,
-            {"gait": "canter"},
-            "gait 'canter'. .*trot, short_trot, walk, pace, bound, stand",
-        ),
+        (QUADRUPED, {"gait": "canter"}, f"gait 'canter'. .*{', '.join(PATTERNS)}"),
         (BIPED, {"gait": "trot"}, "gait 'trot' of a biped. .*walk"),
         (QUADRUPED, {"gait_period": 0.0}, "gait_period: 0.0. Expected .* from 0.5 to 10"),
         (QUADRUPED, {"forward_range": (0.0, 5.0)}, r"forward_range: .*a pair -2 <= least <= most"),

@@ -53,8 +53,7 @@ def test_walking_hardly_depends_on_the_rates(layer):
 def test_the_rows_are_all_that_a_robot_can():
     """Four legs have five gaits, two have one; six legs stand, as there is no gait for them."""
     of = cases(ZeroActionConfig("walking", robots=("go1", "biped"), layers=("torque",)))
-    gaits = [case.cells["gait"] for case in of]
-    assert gaits == ["trot", "short_trot", "walk", "pace", "bound", "walk"]
+    assert " ".join(case.cells["gait"] for case in of) == "trot short_trot walk pace bound walk"
     of = cases(ZeroActionConfig("zoo", robots=("0", "1"), layers=("joint_position",)))
     known = [(case.cells["legs"], case.cells["task"]) for case in of]
     assert known == [("4", "stand"), ("4", "walk"), ("6", "stand")]

@@ -56,7 +56,6 @@ def quadruped_gait(
     drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
     height = float(stance.home_com[2]) - drop
     time, speed = math.sqrt(height / gravity), math.sqrt(height * gravity)
-    agility = _AGILITY * gravity
     # Around the point below the centre of mass, where at home that is not their middle.
     place = (feet - base + stance.home_com)[:, :2]
     return PointFootGait(
@@ -64,7 +63,7 @@ def quadruped_gait(
         sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
         omega=1.0 / time,
         capture=pattern.capture,
-        agility=np.array([agility, agility, agility / stance.length]),
+        agility=_AGILITY * gravity / np.array([1.0, 1.0, stance.length]),
         trim=Trim.of(integral_time, 1.0 / time, gravity),
         rest=_REST * speed,
         astray=_ASTRAY * height,

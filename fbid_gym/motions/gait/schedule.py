@@ -26,13 +26,12 @@ class Schedule(NamedTuple):
 class Pattern(NamedTuple):
     """A gait of four feet, whatever the robot's size."""
 
-    # Of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
-    period: float
+    period: float  # of a cycle, in units of sqrt(h / g), in which a robot that is h tall falls
     duty: float  # share of the cycle that each foot stands
     # Phases at which the front left, front right, hind left and hind right foot lift.
     lift: tuple[float, float, float, float]
     capture: float = 1.0  # share of an error of velocity that one step takes away
-    clearance: float = 0.25  # of h, by which a foot is lifted above the higher end of its step
+    clearance: float = 0.25  # of h that a foot is lifted above the higher end of its step
     unload: float = 0.14  # sqrt(h / g) in which a foot gives up its load, or takes it
 
 
@@ -45,10 +44,8 @@ PATTERNS = {
     "stand": Pattern(2.9, 1.0, (0.0, 0.0, 0.0, 0.0)),
 }
 """Diagonal pairs, by long steps and by short and low ones; one foot after the other, each hind foot
-before the front foot of its side; pairs of one side; front and hind pairs; none.
-
-Feet of the short trot land nearer to below the hips, and make up for four fifths of an error of the
-velocity at once. It keeps more robots up on slippery ground and under pushes: docs/v1.md."""
+before the front foot of its side; pairs of one side; front and hind pairs; none. The short trot
+keeps more robots up on slippery ground and under pushes, see docs/v1.md."""
 
 
 def schedule_of(robot: Robot, gait: str = "trot", period: float | None = None) -> Schedule:
@@ -64,9 +61,8 @@ def schedule_of(robot: Robot, gait: str = "trot", period: float | None = None) -
         raise UnknownOptionError("gait", gait, PATTERNS)
     pattern, stance = PATTERNS[gait], Stance.of(robot)
     time = math.sqrt(stance.home_com[2] / robot.gravity)
-    return Schedule(
-        (period or pattern.period) * time, pattern.duty, np.array(pattern.lift)[corners_of(robot)]
-    )
+    lift = np.array(pattern.lift)[corners_of(robot)]
+    return Schedule((period or pattern.period) * time, pattern.duty, lift)
 
 
 def corners_of(robot: Robot) -> np.ndarray:
