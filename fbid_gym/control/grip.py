@@ -21,7 +21,7 @@ LEAST = 0.2
 _CARRIES = 0.02  # of the weight
 _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 
-# In the time T in which the robot falls, and in g T. The zero action of QuadrupedWalk-v1 returns
+# In the time T in which the robot falls, and in g T. With the long trot QuadrupedWalk-v1 returns
 # 629 with these (64 episodes), 591 to 634 with half or one and a half times the speed or half or
 # twice the time of losing, 569 where recovering takes ten times as long, 506 with twice the time of
 # landing, 390 without notice.
