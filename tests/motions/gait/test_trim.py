@@ -80,7 +80,8 @@ def test_each_robot_has_its_own_as_if_it_were_alone_and_begins_without(rng):
 def test_a_load_off_the_centre_leaves_no_lasting_error(layer):
     """Nor another wrong model: by layers that know the dynamics, and those that do not."""
     still = {
-        **{"action_layer": layer, "gait": "trot"},
+        "action_layer": layer,
+        "gait": "trot",
         "command_interval": (99.0, 99.0),
         "command_ramp": (0.0, 0.0),
         "push_weights": (0.0, 0.0),
