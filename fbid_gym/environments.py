@@ -39,6 +39,7 @@ _HARDER = {
     "reward_scales": {"velocity": 0.06, "turning": 0.03},
 }
 _HARDER_ON_SOLES = {
+    "gait": "brisk_walk",
     "forward_range": (-0.14, 0.32),
     "sideways_range": (-0.05, 0.05),
     "turning_range": (-0.12, 0.12),

@@ -116,11 +116,13 @@ class Walk(Episode):
                 from the one before; the others come at once. No longer than they hold.
             lowered_range: (least, most) by which the base is lower than the gait has it throughout
                 an episode, in units of h. Layers follow; the policy sees its height.
-            gait: of a quadruped: "trot", "short_trot", "walk", "pace", "bound" or "stand". Default:
-                "trot"; a biped has but one.
+            gait: of a quadruped: "trot", "short_trot", "walk", "pace", "bound" or "stand"; of a
+                biped: "walk", up to 0.17 sqrt(g l) with l the length of its legs, or "brisk_walk",
+                up to 0.32. Default: "trot", "walk".
             gait_period: time that a cycle of the gait takes, in units of sqrt(h / g); for a biped h
-                is the height at which it walks slowly. Default: 2.5 of a trot, 1.8 of a short one
-                and a bound, 4 of a walk, 1.7 of a pace, 3.4 of a biped.
+                is the height at which it walks. Default: 2.5 of a trot, 1.8 of a short one and a
+                bound, 4 of a walk, 1.7 of a pace; of a biped 3.4 of a walk, 3 to 4 of a brisk one,
+                as its joints are strong.
             integral_time: in which the gait makes up for a lasting error of the velocity, such as a
                 load's, in units of sqrt(h / g): it adds the error's integral, up to a tenth of
                 sqrt(g h), to the command. 0: it does not.
@@ -133,6 +135,7 @@ class Walk(Episode):
             expected = f"at most {command_interval[0]:g} s, the least command_interval"
             raise InvalidValueError("command_ramp", command_ramp, expected)
         robot, stance = episode.body.robot, episode.body.stance
+        gait = gait or default_gait(robot)
         walks = gait_of(robot, episode.hz, gait, integral_time, gait_period)
         height = float(stance.home_com[2])
         units = Units.of(robot, height)
@@ -142,10 +145,7 @@ class Walk(Episode):
             episode,
             # A gait may have a robot whose legs are straight at home a good deal lower.
             body=Body.of(robot, float(stance.home_base[2]) - walks.height + lowered[1]),
-            derived={
-                "gait": gait or default_gait(robot),
-                "gait_period": gait_period or default_period(robot, gait),
-            },
+            derived={"gait": gait, "gait_period": gait_period or default_period(robot, gait)},
             gait=walks,
             commands=dict(zip(("m/s ahead", "m/s to the left", "rad/s"), most, strict=True)),
             most=most,

@@ -1,46 +1,69 @@
 """The walking gait of a biped, from measurements of its model."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
+from fbid_gym.motions.gait.flat_feet import ARRIVED
 from fbid_gym.motions.gait.flat_gait import FlatFootGait
-from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense
+from fbid_gym.motions.gait.strength import deepest_bend, swing_time
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
-
-PERIOD = 3.4
-"""Pendulum times a cycle of two steps."""
 
 SOLE = 0.8
 """Share of the sole that the centre of pressure may use."""
 
-# In units of the robot: of the pendulum time sqrt(h / g), the leg's length (`Stance.size`), its
-# speed sqrt(g l), its weight and its soles.
-_DOUBLE = 0.25  # of a step in double support
+
+class Pattern(NamedTuple):
+    """A gait of two flat feet, whatever the robot's size.
+
+    In units of the robot: of its weight, of gravity, of the leg's length l (`Stance.size`) and of
+    its speed sqrt(g l).
+    """
+
+    cycle: float | None  # pendulum times a cycle of two steps; None: as quickly as legs swing
+    double: float  # share of a step in double support
+    forward: float  # of gravity, greatest rate of the velocity ahead
+    gain: float
+    lift: float
+    sink: float
+    lowered: float  # by which a robot is lower than at home, as far as its knees can carry it
+    top: float  # of the speed, greatest ahead
+    start: float  # of the speed, greatest ahead that the first step is planned for
+    moment: float  # `Target.moment`
+
+
+PATTERNS = {
+    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0),
+    "brisk_walk": Pattern(None, 0.1, 0.05, 4.0, 0.05, 0.06, 0.14, 0.32, 0.0, 0.4),
+}
+"""Slowly and upright; and with bent legs, hardly any double support and a body that may pitch. The
+second one goes twice as fast and bears twice the push, see docs/v1.md."""
+
+_LEAST, _MOST = 1.5, 2.0  # pendulum times a step, as quick as legs swing
+_AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
 _SETTLE = 1.25  # pendulum times to shift the weight
-_AGILITY = 0.4  # of gravity
-_GAIN = 2.0
-_LIFT = 0.07
-_SINK = 0.03
-_BEND = 0.05
-_LOAD = 0.05
+_BEND = 0.05  # of the speed
+_LOAD = 0.05  # of the weight
 _LONGEST = 0.6
 _WIDEST = 0.35  # of the leg, beyond the width
 _GAP = 0.01  # of the leg, between soles side by side
 _LEVEL = 0.02  # of the mean square distance of the feet from their middle
-_LOWER = 0.04  # of the leg, by which a walking robot's base is lower than at home
+_HIGH = 0.04  # of the leg, by which the base of any robot that walks is lower than at home
 
 
-def biped_gait(robot: Robot, integral_time: float = 0.0, cycle: float = PERIOD) -> FlatFootGait:
-    """Return the gait of a robot with two feet, a left one and a right one, on flat soles.
+def biped_gait(
+    robot: Robot, name: str = "walk", integral_time: float = 0.0, cycle: float | None = None
+) -> FlatFootGait:
+    """Return a gait of a robot with two feet, a left one and a right one, on flat soles.
 
-    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`. A `cycle` in
-    no haste takes so many pendulum times.
+    Errors of the velocity last, or are made up for in an `integral_time`, see `Trim`. A `cycle`
+    takes so many pendulum times, or as many as the pattern of the gait's name says.
 
     Raises:
         RobotError: the robot has not two feet, or not flat ones, or not side by side.
@@ -56,10 +79,10 @@ def biped_gait(robot: Robot, integral_time: float = 0.0, cycle: float = PERIOD) 
     width = abs(feet[0, 1] - feet[1, 1])
     geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
-    for foot, name in enumerate(robot.foot_names):
+    for foot, called in enumerate(robot.foot_names):
         if len(convex_hull(points[geometry.foot_of_point == foot])) < 3:
             raise RobotError(
-                f"The contact points of foot {name!r} of {robot.name!r} span no area. "
+                f"The contact points of foot {called!r} of {robot.name!r} span no area. "
                 "Expected two flat feet to walk like a biped."
             )
     sole = np.abs(points).max(axis=0)
@@ -70,27 +93,31 @@ def biped_gait(robot: Robot, integral_time: float = 0.0, cycle: float = PERIOD) 
             f"{width:.3g} m apart, and their soles are {2.0 * sole[1]:.3g} m wide. "
             "Expected feet side by side in the home pose."
         )
-    gravity = robot.gravity
-    omega = math.sqrt(gravity / (home.com[0, 2] - ground - _LOWER * leg))
-    period = 0.5 * cycle / omega
+    pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
+    lowered, omega, quick = _bent(robot, pattern)
+    period = 0.5 * (cycle or default_cycle(robot, name)) / omega
+    rates = np.array([pattern.forward, _AGILITY, _AGILITY / leg])
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
-        single=(1.0 - _DOUBLE) * period,
-        double=_DOUBLE * period,
-        haste=Haste.of(robot, omega, _LOWER * leg),
+        single=(1.0 - pattern.double) * period,
+        double=pattern.double * period,
+        top=pattern.top * speed * min(1.0, _MOST / quick),
+        start=pattern.start * speed,
+        moment=pattern.moment,
         settle=_SETTLE / omega,
-        agility=_AGILITY * gravity * np.array([1.0, 1.0, 1.0 / leg]),
+        agility=gravity * rates,
         trim=Trim.of(integral_time, omega, gravity),
-        gain=_GAIN,
-        height=float((1.0 - _LOWER) * leg + (home.base_position[0, 2] - ground - leg)),
-        bend=_BEND * math.sqrt(gravity * leg),
+        gain=pattern.gain,
+        height=float(home.base_position[0, 2] - ground - lowered),
+        crouch=lowered - _HIGH * leg,
+        bend=_BEND * speed,
         width=float(width),
         least_apart=float(2.0 * sole[1] + _GAP * leg),
         most_apart=float(width + _WIDEST * leg),
         longest=_LONGEST * leg,
-        lift=_LIFT * leg,
-        sink=_SINK * math.sqrt(gravity * leg),
+        lift=pattern.lift * leg,
+        sink=pattern.sink * speed,
         load=_LOAD * robot.weight,
         sole=SOLE * sole,
         points=SOLE * points,
@@ -99,3 +126,24 @@ def biped_gait(robot: Robot, integral_time: float = 0.0, cycle: float = PERIOD) 
         level=np.ascontiguousarray(turn),
         home=robot.home_qpos,
     )
+
+
+def default_cycle(robot: Robot, name: str) -> float:
+    """Return the pendulum times that a cycle of a robot's gait takes unless told otherwise."""
+    return PATTERNS[name].cycle or 2.0 * min(_bent(robot, PATTERNS[name])[2], _MOST)
+
+
+def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float]:
+    """How low a robot walks.
+
+    Returns:
+        m by which it is lower than at home, 1/s at which it falls then, and the pendulum times that
+        its legs take for a step at the greatest velocity.
+    """
+    stance = Stance.of(robot)
+    com, feet, leg = stance.terms.com[0], stance.terms.foot_position[0], stance.size
+    lowered = max(min(pattern.lowered * leg, deepest_bend(robot)), _HIGH * leg)
+    omega = math.sqrt(robot.gravity / (com[2] - feet[:, 2].mean() - lowered))
+    top = pattern.top * math.sqrt(robot.gravity * leg)
+    needed = swing_time(robot, top, ARRIVED * (1.0 - pattern.double)) * omega
+    return lowered, omega, max(needed, _LEAST)

@@ -7,10 +7,6 @@ of pressure goes to that foot. Balance is a law for the divergent component of m
 far as the soles reach, and the next foothold corrects the rest. So the robot does not
 follow planned footprints: it steps where it must to go on with the commanded velocity.
 
-Swinging a leg turns the body. At the usual velocities a sole bears that; beyond them the robot is
-in haste (`haste`). Its legs bend more, to reach farther; it spends less of a step in double
-support, so that a leg has more time to swing; its body may pitch; and it gathers way slowly.
-
 Plans start from the present state: each double support takes xi and the centre of pressure as it
 finds them, so that starting, stepping and stopping are without jumps. A new velocity is approached
 at a limited rate, and with it the foothold of the foot in the air.
@@ -39,7 +35,6 @@ from fbid_gym.motions.gait.flat_gait import (
     FlatFootGait,
     FlatGaitMemory,
 )
-from fbid_gym.motions.gait.haste import gathered, haste_at
 from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
@@ -49,7 +44,7 @@ from fbid_gym.motions.target import face, move_along, stand_where_it_is
 from fbid_gym.quantities import DynamicsTerms, Target
 
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
-_ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
+ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
 _FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
 _TINY = 1e-12  # keeps the direction of a foot that points up or down defined
 _BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
@@ -94,9 +89,8 @@ def _go_on(
     i: int,
 ) -> None:
     """Advance one robot; `points` (P, 2) is a buffer."""
-    before = memory.velocity[i, 0]
     follow(gait.agility, gait.trim, command, terms, tick, memory, i)
-    memory.velocity[i, 0] = gathered(gait.haste, before, memory.velocity[i, 0], tick)
+    memory.velocity[i, 0] = min(max(memory.velocity[i, 0], -gait.top), gait.top)
     for foot in range(2):
         stand_where_it_is(target, terms, i, foot)
     axes = axes_of(memory.heading[i])
@@ -107,6 +101,7 @@ def _go_on(
     if memory.clock[i] == LONG_AGO:
         # First tick: its support is taken to be below its capture point, at rest.
         memory.pressure[i, 0], memory.pressure[i, 1] = xi[0], xi[1]
+        memory.lowered[i] = -gait.crouch
     memory.clock[i] += tick
     memory.progress[i] += tick * memory.hurry[i]
 
@@ -117,8 +112,7 @@ def _go_on(
     error = _balance(gait, now, terms, points, memory, target)
     plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
     base = terms.base_position[i]
-    lowered = command.lowered[i] + memory.haste[i] * gait.haste.crouch
-    memory.lowered[i] = approached(memory.lowered[i], lowered, gait.bend * tick)
+    memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
     target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
     velocity = (0.0, 0.0, 0.0)
     if memory.phase[i] != STAND:
@@ -130,7 +124,7 @@ def _go_on(
     face(target, gait.home, memory.heading[i], i)
     move_along(target, gait.home, x, y, velocity[2], i)
     target.cycle[i] = _cycle(gait, timing, memory, i)
-    target.moment[i] = 1.0 + memory.haste[i] * (gait.haste.moment - 1.0)
+    target.moment[i] = gait.moment
 
 
 class _Now(NamedTuple):
@@ -145,10 +139,7 @@ class _Now(NamedTuple):
 @compiled
 def _timing(gait: FlatFootGait, memory: FlatGaitMemory, i: int) -> StepTiming:
     """How long the present step takes."""
-    haste, pace = memory.haste[i], memory.rate[i]
-    double = gait.double + haste * (gait.haste.double - gait.double)
-    single = gait.single + haste * (gait.haste.single - gait.single)
-    return StepTiming(gait.omega, double / pace, single / pace)
+    return StepTiming(gait.omega, gait.double / memory.rate[i], gait.single / memory.rate[i])
 
 
 @compiled
@@ -190,7 +181,7 @@ def _change_phase(
             memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
             span = 0.5 * timing.double if falls else gait.settle
             # No foot is in the air: the first step is planned for the command.
-            ahead = min(max(velocity[0], -gait.haste.usual), gait.haste.usual)
+            ahead = min(max(velocity[0], -gait.start), gait.start)
             _set_out(gait, span, DOUBLE, (ahead, velocity[1]), command, xi, memory, i)
     elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
         foot = 1 - memory.carrier[i]
@@ -223,7 +214,6 @@ def _set_out(
     i: int,
 ) -> None:
     """Begin a double support, or standing, from the present state; a span below 0 is as timed."""
-    memory.haste[i] = haste_at(gait.haste, velocity[0])
     memory.span[i] = span if span >= 0.0 else _timing(gait, memory, i).double
     memory.phase[i], memory.clock[i], memory.rate[i] = phase, 0.0, command.rate[i]
     memory.planned[i, 0], memory.planned[i, 1] = velocity
@@ -372,7 +362,7 @@ def _swing(
 ) -> None:
     """How the foot in the air moves."""
     foot, clock, span = 1 - memory.carrier[i], memory.progress[i], timing.single
-    share, rate, acceleration = rise(clock / (_ARRIVED * span), _ARRIVED * span)
+    share, rate, acceleration = rise(clock / (ARRIVED * span), ARRIVED * span)
     for axis in range(2):
         begin = memory.lifted[i, axis]
         way = target.foothold[i, foot, axis] - begin

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.motions.gait.command import Trim
-from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.gait.slope import Sense, level_moments
 
 STAND, DOUBLE, SWING = 0, 1, 2
@@ -22,12 +21,15 @@ class FlatFootGait(NamedTuple):
     omega: float  # 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass)
     single: float  # s in single support
     double: float  # s in double support
-    haste: Haste  # how all that changes at velocities beyond the usual ones
+    top: float  # m/s ahead, greatest that it follows
+    start: float  # m/s ahead, greatest that the first step is planned for
+    moment: float  # `Target.moment`
     settle: float  # s in which a robot that stands shifts its weight
     agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
     trim: Trim  # of the velocity
     gain: float  # of the centre of pressure on errors of xi, which decay with gain * omega
     height: float  # m, of the base above the ground below it
+    crouch: float  # m by which it begins higher
     bend: float  # m/s with which the base is lowered, or raised again
     width: float  # m between the feet
     least_apart: float  # m between the feet, sideways
@@ -58,7 +60,6 @@ class FlatGaitMemory(NamedTuple):
     trim: np.ndarray  # (N, 2) m/s, integral of the error, added to the command
     heading: np.ndarray  # (N,) rad, integral of the rate that is followed
     planned: np.ndarray  # (N, 2) m/s with which the step began
-    haste: np.ndarray  # (N,) from 0 to 1, see `haste_at`
     rate: np.ndarray  # (N,) of steps, commanded then
     progress: np.ndarray  # (N,) s of the planned swing that have passed
     hurry: np.ndarray  # (N,) times as fast as planned that the foot swings
@@ -89,7 +90,6 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> FlatGaitMemory:
         trim=np.zeros((count, 2)),
         heading=np.array(heading, dtype=float),
         planned=flat[0],
-        haste=np.zeros(count),
         rate=np.ones(count),
         progress=np.zeros(count),
         hurry=np.ones(count),

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
-from fbid_gym.motions.gait.biped import PERIOD, biped_gait
+from fbid_gym.motions.gait import biped, flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
@@ -90,24 +89,23 @@ def gait_of(
     Args:
         robot: that walks.
         hz: control ticks per second.
-        name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
+        name: of the gait. Default: `default_gait`.
         integral_time: in which an error of the velocity is made up for, see `Trim`; 0: it lasts.
-        period: of its cycle, in units of sqrt(h / g). Default: `default_period`.
+        period: of its cycle, in units of sqrt(h / g). Default: that of the gait.
 
     Raises:
         UnknownOptionError: no such gait.
         RobotError: the robot has other feet.
     """
-    biped = robot.num_feet == 2
-    known = ["walk"] if biped else [*PATTERNS]
-    if name is not None:
-        Choice(known).check("gait of a biped" if biped else "gait", name)
-    tick, cycle = 1.0 / hz, period or default_period(robot, name)
-    if biped:
-        on_soles = biped_gait(robot, integral_time, cycle)
-        return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
-    on_points = quadruped_gait(robot, name or default_gait(robot), integral_time, cycle)
-    return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
+    on_soles = robot.num_feet == 2
+    known, kind = (biped.PATTERNS, "gait of a biped") if on_soles else (PATTERNS, "gait")
+    name, tick = name or default_gait(robot), 1.0 / hz
+    Choice([*known]).check(kind, name)
+    if on_soles:
+        walk = biped.biped_gait(robot, name, integral_time, period)
+        return Gait(walk, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
+    trot = quadruped_gait(robot, name, integral_time, period)
+    return Gait(trot, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 
 def default_gait(robot: Robot) -> str:
@@ -115,6 +113,6 @@ def default_gait(robot: Robot) -> str:
     return "walk" if robot.num_feet == 2 else "trot"
 
 
-def default_period(robot: Robot, name: str | None = None) -> float:
+def default_period(robot: Robot, name: str) -> float:
     """Return the time that a cycle of a robot's gait takes unless told, in units of sqrt(h / g)."""
-    return PERIOD if robot.num_feet == 2 else PATTERNS[name or default_gait(robot)].period
+    return biped.default_cycle(robot, name) if robot.num_feet == 2 else PATTERNS[name].period

@@ -8,11 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.biped import biped_gait
+from fbid_gym.motions.gait.biped import PATTERNS, biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
 from fbid_gym.motions.gait.flat_gait import STAND, FlatFootGait, FlatGaitMemory, standing
-from fbid_gym.motions.gait.haste import Haste
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 
@@ -122,9 +121,10 @@ class Pendulums:
         return np.vecmat(vectors, turned(self.body)[:, :2, :2])
 
 
-@pytest.fixture(params=FLAT)
+@pytest.fixture(params=[(robot, name) for robot in FLAT for name in PATTERNS], ids="-".join)
 def gait(request):
-    return biped_gait(robots.load(request.param))
+    robot, name = request.param
+    return biped_gait(robots.load(robot), name)
 
 
 def commands(gait: FlatFootGait, count: int, seed: int = 0) -> np.ndarray:
@@ -308,21 +308,23 @@ def test_heading_does_not_matter(gait):
 
 
 def test_a_robot_four_times_as_long_walks_half_as_fast(gait):
-    lengths = ("height", "width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
-    times = ("single", "double", "settle")
+    lengths = (
+        "height",
+        "crouch",
+        "width",
+        "least_apart",
+        "most_apart",
+        "longest",
+        "lift",
+        "sole",
+        "points",
+    )
+    times = ("single", "double", "settle", "top", "start")  # velocities grow as times do
     large = gait._replace(
         sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),
         omega=gait.omega / 2.0,
         agility=gait.agility * [1.0, 1.0, 0.25],
         sink=2.0 * gait.sink,
-        haste=Haste(
-            *(2.0 * gait.haste[k] for k in range(3)),
-            gather=gait.haste.gather,
-            single=2.0 * gait.haste.single,
-            double=2.0 * gait.haste.double,
-            crouch=4.0 * gait.haste.crouch,
-            moment=gait.haste.moment,
-        ),
         **{name: 4.0 * getattr(gait, name) for name in lengths},
         **{name: 2.0 * getattr(gait, name) for name in times},
     )
