@@ -11,7 +11,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.actions.contact_options import CONTACT_LIMITS
 from fbid_gym.envs.overlays import LABELS, RenderOptions
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.motions.gait.gait import gaits_of
 from fbid_gym.options import Choice, Flag, Number, Whole
 from fbid_gym.robots.terrain import TERRAINS
 from fbid_gym.tasks import Walk
@@ -169,9 +169,8 @@ def _commands(stage: Stage) -> dict[str, Control]:
             found["ahead"] = replace(ahead, default=round(0.5 * ahead.most, 3))
         lowest, _ = _rounded((-MOST_LOWERED * float(task.body.stance.home_com[2]), 0.0))
         found["height"] = Slider(COMMAND, "height change (m)", lowest, 0.0, 0.0)
-        if len(task.body.robot.feet) == 4:
-            names = tuple(PATTERNS)
-            found["gait"] = Menu(COMMAND, "gait", names, task.derived["gait"], resets=True)
+        names = gaits_of(task.body.robot)
+        found["gait"] = Menu(COMMAND, "gait", names, task.derived["gait"], resets=True)
         return found
     if isinstance(task, Balance):
         least, most = _rounded(task.body.height(np.array(task.height_range)))

@@ -15,6 +15,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.estimation import PRESETS
+from fbid_gym.motions.gait import biped
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, Whole
@@ -126,13 +127,14 @@ _UP = ("up", "share_low", "share_high")
 _BODY = ("base_acceleration", "com_wrench")
 _ERRORS = tuple(f"{what}_error{of}" for what in ("velocity", "yaw_rate")
                 for of in ("", "_of_1_s_means"))  # fmt: skip
+_GAITS = [gait for gait in {**PATTERNS, **biped.PATTERNS} if gait != "stand"]
 
 TABLES = {
     "walking": Table(
         "every layer on every gait of every robot, on level ground",
         ("go1", "quadruped", "biped", "humanoid", "g1"),
         tuple(LAYERS),
-        {"gait": {gait: {"gait": gait} for gait in PATTERNS if gait != "stand"}},
+        {"gait": {gait: {"gait": gait} for gait in _GAITS}},
         ("robot", "layer", "gait"),
         (*_UP, *_ERRORS, "cost_of_transport"),
         rows=("robot", "gait"),

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -66,6 +67,18 @@ def test_separated_seeds_have_the_smallest_p_value_there_is(seeds, rng):
     assert st.p_value(x, y, rng) == pytest.approx(2 / math.comb(2 * seeds, seeds))
     assert st.p_value(y, x, rng) == st.p_value(x, y, rng)
     assert st.p_value(x, x, rng) == 1.0
+
+
+def test_hundreds_of_robots_are_told_apart_within_the_memory_there_is(rng):
+    """As many as the benchmark of layers plays; the p-value is near the one without resampling."""
+    x, y = rng.normal(size=320).round(1), rng.normal(size=320).round(1) + 0.2
+    tracemalloc.start()
+    found, (_, most) = st.p_value(x, y, rng), tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == pytest.approx(stats.mannwhitneyu(x, y).pvalue, abs=0.005)
+    assert most < 200e6
+    wins = np.mean(x[:, None] > y) + 0.5 * np.mean(x[:, None] == y)
+    assert st.improvement([x], [y], chance(samples=2)).value == pytest.approx(wins)
 
 
 @pytest.mark.parametrize("seeds", [2, 3, 5])

@@ -97,15 +97,18 @@ def gait_of(
         UnknownOptionError: no such gait.
         RobotError: the robot has other feet.
     """
-    on_soles = robot.num_feet == 2
-    known, kind = (biped.PATTERNS, "gait of a biped") if on_soles else (PATTERNS, "gait")
-    name, tick = name or default_gait(robot), 1.0 / hz
-    Choice([*known]).check(kind, name)
+    name, tick, on_soles = name or default_gait(robot), 1.0 / hz, robot.num_feet == 2
+    Choice(gaits_of(robot)).check("gait of a biped" if on_soles else "gait", name)
     if on_soles:
         walk = biped.biped_gait(robot, name, integral_time, period)
         return Gait(walk, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
     trot = quadruped_gait(robot, name, integral_time, period)
     return Gait(trot, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
+
+
+def gaits_of(robot: Robot) -> tuple[str, ...]:
+    """Return the names of a robot's gaits."""
+    return tuple(biped.PATTERNS if robot.num_feet == 2 else PATTERNS)
 
 
 def default_gait(robot: Robot) -> str:
