@@ -43,7 +43,7 @@ PATTERNS = {
     "brisk_walk": Pattern(None, 0.1, 0.05, 4.0, 0.05, 0.06, 0.14, 0.32, 0.0, 0.4),
 }
 """Slowly and upright; and with bent legs, hardly any double support and a body that may pitch. The
-second one goes twice as fast and bears twice the push, see docs/v1.md."""
+second one goes twice as fast and falls less under pushes, see docs/v1.md."""
 
 _LEAST, _MOST = 1.5, 2.0  # pendulum times a step, as quick as legs swing
 _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
