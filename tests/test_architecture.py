@@ -90,7 +90,7 @@ LINES = {
     "dynamics": 1700,
     "envs": 3683,
     "estimation": 2102,
-    "motions": 3879,
+    "motions": 3880,
     "policy": 647,
     "robots": 6030,
     "runtime": 1911,
@@ -99,7 +99,7 @@ LINES = {
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_456
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 30_456
+TEST_LINES = 30_449
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (38, 7144)}

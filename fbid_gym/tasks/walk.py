@@ -135,7 +135,7 @@ class Walk(Episode):
             expected = f"at most {command_interval[0]:g} s, the least command_interval"
             raise InvalidValueError("command_ramp", command_ramp, expected)
         robot, stance = episode.body.robot, episode.body.stance
-        gait = gait or default_gait(robot)
+        gait = default_gait(robot) if gait is None else gait
         walks = gait_of(robot, episode.hz, gait, integral_time, gait_period)
         height = float(stance.home_com[2])
         units = Units.of(robot, height)

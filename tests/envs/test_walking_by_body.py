@@ -48,16 +48,9 @@ def test_robots_on_soles_walk_fast(robot):
     own = zoo.built(zoo.draw(int(robot))) if robot.isdecimal() else robots.load(robot)
     height = Stance.of(own).home_com[2]
     ahead = (0.8 / np.sqrt(own.gravity * height),) * 2
-    still = {"sideways_range": (0.0, 0.0), "turning_range": (0.0, 0.0)}
-    batch, zero = walking(
-        "biped",
-        LAYERS[0],
-        6,
-        robot=own,
-        forward_range=ahead,
-        command_interval=(99.0, 99.0),
-        **still,
-    )
+    still = {"sideways_range": (0.0, 0.0), "turning_range": (0.0, 0.0), "gait": "brisk_walk"}
+    told = {"forward_range": ahead, "command_interval": (99.0, 99.0)}
+    batch, zero = walking("biped", LAYERS[0], 6, robot=own, **told, **still)
     batch._plan["command"][:, :, 0] = 0.8  # nobody is to stand
     begun = np.zeros(6)
     for k in range(7 * batch.rates.policy):

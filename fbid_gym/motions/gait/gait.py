@@ -97,7 +97,8 @@ def gait_of(
         UnknownOptionError: no such gait.
         RobotError: the robot has other feet.
     """
-    name, tick, on_soles = name or default_gait(robot), 1.0 / hz, robot.num_feet == 2
+    name, tick = default_gait(robot) if name is None else name, 1.0 / hz
+    on_soles = robot.num_feet == 2
     Choice(gaits_of(robot)).check("gait of a biped" if on_soles else "gait", name)
     if on_soles:
         walk = biped.biped_gait(robot, name, integral_time, period)
