@@ -1,4 +1,4 @@
-"""The walking gait of a biped, from measurements of its model."""
+"""The gaits of a biped, from measurements of its model."""
 
 import math
 from typing import NamedTuple
@@ -50,7 +50,7 @@ _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the tur
 _SETTLE = 1.25  # pendulum times to shift the weight
 _BEND = 0.05  # of the speed
 _LOAD = 0.05  # of the weight
-_LONGEST = 0.6
+_LONGEST = 0.6  # of the leg
 _WIDEST = 0.35  # of the leg, beyond the width
 _GAP = 0.01  # of the leg, between soles side by side
 _LEVEL = 0.02  # of the mean square distance of the feet from their middle
@@ -94,15 +94,15 @@ def biped_gait(
             "Expected feet side by side in the home pose."
         )
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
-    lowered, omega, quick = _bent(robot, pattern)
-    period = 0.5 * (cycle or default_cycle(robot, name)) / omega
+    lowered, omega, usual, share = _bent(robot, pattern)
+    period = 0.5 * (cycle or usual) / omega
     rates = np.array([pattern.forward, _AGILITY, _AGILITY / leg])
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
         single=(1.0 - pattern.double) * period,
         double=pattern.double * period,
-        top=pattern.top * speed * min(1.0, _MOST / quick),
+        top=share * pattern.top * speed,
         start=pattern.start * speed,
         moment=pattern.moment,
         settle=_SETTLE / omega,
@@ -130,20 +130,20 @@ def biped_gait(
 
 def default_cycle(robot: Robot, name: str) -> float:
     """Return the pendulum times that a cycle of a robot's gait takes unless told otherwise."""
-    return PATTERNS[name].cycle or 2.0 * min(_bent(robot, PATTERNS[name])[2], _MOST)
+    return _bent(robot, PATTERNS[name])[2]
 
 
-def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float]:
-    """How low a robot walks.
+def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float, float]:
+    """How low and quickly a robot walks, and the share of the greatest velocity that legs can do.
 
-    Returns:
-        m by which it is lower than at home, 1/s at which it falls then, and the pendulum times that
-        its legs take for a step at the greatest velocity.
+    Returns: m lower than at home, 1/s at which it falls then, pendulum times of a cycle, the share.
     """
     stance = Stance.of(robot)
     com, feet, leg = stance.terms.com[0], stance.terms.foot_position[0], stance.size
     lowered = max(min(pattern.lowered * leg, deepest_bend(robot)), _HIGH * leg)
     omega = math.sqrt(robot.gravity / (com[2] - feet[:, 2].mean() - lowered))
+    if pattern.cycle is not None:
+        return lowered, omega, pattern.cycle, 1.0
     top = pattern.top * math.sqrt(robot.gravity * leg)
-    needed = swing_time(robot, top, ARRIVED * (1.0 - pattern.double)) * omega
-    return lowered, omega, max(needed, _LEAST)
+    quick = max(swing_time(robot, top, ARRIVED * (1.0 - pattern.double)) * omega, _LEAST)
+    return lowered, omega, 2.0 * min(quick, _MOST), min(1.0, _MOST / quick)

@@ -307,18 +307,19 @@ def test_heading_does_not_matter(gait):
     np.testing.assert_allclose(a.cycle, b.cycle, atol=1e-12)
 
 
+def test_velocities_are_gathered_at_the_agility_and_end_at_the_top(gait):
+    walkers, before = Pendulums(gait, np.zeros(2)), np.zeros(2)
+    velocity = 2.0 * gait.top * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    for _ in range(ticks(gait, 20)):
+        walkers.step(velocity)
+        change, before = walkers.memory.velocity[:, 0] - before, walkers.memory.velocity[:, 0] * 1.0
+        assert (np.abs(change) <= gait.agility[0] * TICK * (1.0 + 1e-9)).all()
+    np.testing.assert_allclose(before, [gait.top, -gait.top])
+
+
 def test_a_robot_four_times_as_long_walks_half_as_fast(gait):
-    lengths = (
-        "height",
-        "crouch",
-        "width",
-        "least_apart",
-        "most_apart",
-        "longest",
-        "lift",
-        "sole",
-        "points",
-    )
+    apart = ("least_apart", "most_apart")
+    lengths = ("height", "crouch", "width", *apart, "longest", "lift", "sole", "points")
     times = ("single", "double", "settle", "top", "start")  # velocities grow as times do
     large = gait._replace(
         sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),

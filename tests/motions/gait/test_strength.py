@@ -24,9 +24,7 @@ def robot():
 def test_weak_hips_swing_slowly_and_weak_knees_bend_less(robot):
     strong = biped_gait(robot, "brisk_walk")
     slow = biped_gait(weaker(robot, "hip_pitch", 0.3), "brisk_walk")
-    assert (
-        slow.single + slow.double > strong.single + strong.double and slow.height == strong.height
-    )
+    assert slow.single > strong.single and slow.height == strong.height
     slower = biped_gait(weaker(robot, "hip_pitch", 0.2), "brisk_walk")
     assert slower.top < strong.top and slower.single >= slow.single
     stiff = biped_gait(weaker(robot, "knee", 0.3), "brisk_walk")
