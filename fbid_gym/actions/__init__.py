@@ -1,12 +1,11 @@
 """Action layers: policy action -> command -> joint torque, tick by tick."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
+from fbid_gym.actions.additions import Additions
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.com_wrench import ComWrench
-from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
@@ -21,7 +20,7 @@ from fbid_gym.robots import Robot
 __all__ = [
     "LAYERS",
     "ActionLayer",
-    "Footholds",
+    "Additions",
     "layer_choices",
     "layer_options",
     "make_layer",
@@ -61,10 +60,8 @@ def register_layer(name: str, of: Callable[..., ActionLayer]) -> None:
 
 
 def layer_choices(name: str) -> dict[str, Option]:
-    """Return the options of a layer: its own, those of contacts, and what steers a gait."""
-    steering = options_of(Footholds.of)
-    steering["footholds"] = replace(steering["footholds"], default=None)
-    return options_of(_layer(name)) | steering
+    """Return the options of a layer: its own, those of contacts, and what is added to any."""
+    return options_of(_layer(name)) | options_of(Additions.of)
 
 
 def layer_options(name: str) -> dict[str, Any]:
@@ -78,8 +75,8 @@ def make_layer(
     control_hz: int,
     kind: MotionKind,
     options: Mapping[str, Any] | None = None,
-) -> tuple[ActionLayer, Footholds]:
-    """Build an action layer, and what of an action steers a gait.
+) -> tuple[ActionLayer, Additions]:
+    """Build an action layer, and what of an action is added to the layer's.
 
     Args:
         name: one of `LAYERS`.
@@ -94,11 +91,11 @@ def make_layer(
     """
     build, given = _layer(name), dict(options or {})
     check_choices(f"option of action layer {name!r}", given, layer_options(name))
-    steers = {option: given.pop(option) for option in options_of(Footholds.of) if option in given}
-    if steers.get("footholds") is None:
-        steers["footholds"] = kind.gait and name in _STEERS
+    added = {option: given.pop(option) for option in options_of(Additions.of) if option in given}
+    if added.get("footholds") is None:
+        added["footholds"] = kind.gait and name in _STEERS
     layer = build(robot, control_hz, kind, **grouped(build, given))
-    return layer, Footholds.of(robot, kind, **steers)
+    return layer, Additions.of(robot, kind, **added)
 
 
 def _layer(name: str) -> Callable[..., ActionLayer]:

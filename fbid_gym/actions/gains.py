@@ -84,9 +84,9 @@ class BodyOptions:
     as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
     pushed."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] = 0.0
-    """On point feet, by how much more small errors of the horizontal velocity are damped, in units
-    of the rate at which the robot falls; a gait's own damping is 4. Errors greater than 0.03 of
-    sqrt(gravity times height) count as that much. Not for the papers' balancers."""
+    """By how much more small errors of the horizontal velocity are damped, in units of the rate at
+    which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
+    0.03 of sqrt(gravity times height) count as that much. Not for the papers' balancers."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
@@ -109,14 +109,7 @@ class BodyOptions:
         return {part: getattr(self, f"{part}_frequency") for part in PARTS}
 
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
-        """Return the gains that they ask for.
-
-        Raises:
-            InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
-        """
-        if self.velocity_gain and kind.gait and robot.has_soles:
-            expected = "0 on soles, where the velocity is to swing about the commanded one"
-            raise InvalidValueError("velocity_gain", self.velocity_gain, expected)
+        """Return the gains that they ask for."""
         gains = default_gains(robot, kind)._replace(small_errors=self.velocity_gain * kind.omega)
         for part, given in self.frequencies.items():
             stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 from inspect import getdoc
 
-from fbid_gym.actions import LAYERS, Footholds
+from fbid_gym.actions import LAYERS, Additions
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
@@ -158,7 +158,7 @@ def arguments_page() -> str:
             parts.append(f"And those about {' and '.join(about)}.")
     for what, group in shared.items():
         section(f"### About {what}", options_of(group), meanings(group))
-    section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
+    section("### Added to every layer", options_of(Additions.of), meanings(Additions.of))
     section("## `motors`", options_of(MotorTable), meanings(MotorTable))
     parts.append(getdoc(MotorTable) or "")
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))

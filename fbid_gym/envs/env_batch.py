@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.actions import ActionLayer, Footholds
+from fbid_gym.actions import ActionLayer, Additions
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment
@@ -126,13 +126,13 @@ class EnvBatch:
         return self.loop.layer
 
     @property
-    def footholds(self) -> Footholds:
-        """What of an action steers a gait, after what is the layer's."""
-        return self.loop.footholds
+    def additions(self) -> Additions:
+        """What of an action comes after the layer's."""
+        return self.loop.additions
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """What each entry of the action commands: of the layer, then of the footholds."""
+        """What each entry of the action commands: of the layer, then what is added."""
         return self.loop.action_names
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
@@ -351,7 +351,7 @@ class EnvBatch:
 
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""
-        (action, steering), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
+        (action, steering, _), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
         self._look()
         state, planned = some_of(self._known, only), rows_of(self.loop.planned, only)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
-from fbid_gym.actions.footholds import Footholds
+from fbid_gym.actions.additions import Additions
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
@@ -243,8 +243,8 @@ class EnvConfig:
         """Return the checked rates."""
         return Rates(self.physics_hz, self.control_hz, self.policy_hz)
 
-    def layer(self, robot: Robot, task: Task) -> tuple[ActionLayer, Footholds]:
-        """Return the action layer, and what of an action steers a gait."""
+    def layer(self, robot: Robot, task: Task) -> tuple[ActionLayer, Additions]:
+        """Return the action layer, and what of an action is added to the layer's."""
         options = by_name("layer_options", self.layer_options)
         return make_layer(self.action_layer, robot, self.rates().control, task.kind, options)
 
@@ -337,10 +337,10 @@ class EnvConfig:
         """
         plain_robot, robot = self._plain_robot(), self.load_robot()
         task = self.make_task(robot)
-        layer, steering = self.layer(robot, task)
+        layer, additions = self.layer(robot, task)
         terms, sensors = self.reward_terms(task), self.perceived()
         options = self.every_layer_option()
-        options["footholds"] = bool(steering.feet)
+        options["footholds"] = bool(additions.feet.any())
         for name, value in options.items():
             if value is None:
                 # A layer of the user's need not tell what it makes of None.

@@ -28,12 +28,12 @@ class ControlLoop:
         rates: of control and policy.
         task: the task.
         layer: the action layer.
-        footholds: what of an action steers a gait, after what is the layer's.
+        additions: what of an action comes after the layer's.
         plan: of the present episodes; a row for each robot, as in all that follows.
         memory: of the layer.
         planned: memory of the task.
         delay: actions on their way.
-        num_actions: A, of layer and footholds.
+        num_actions: A, of layer and additions.
         observer: of the robots.
     """
 
@@ -62,7 +62,7 @@ class ControlLoop:
         """
         count, robot = len(terms.com), task.body.robot
         self.rates, self.task, self.observer = config.rates(), task, observer
-        self.layer, self.footholds = config.layer(robot, task)
+        self.layer, self.additions = config.layer(robot, task)
         self.plan = {name: np.repeat(value[None], count, axis=0) for name, value in drawn.items()}
         self.memory = self.layer.memory(count)
         answers.check_layer(self.layer, self.memory, count)
@@ -75,8 +75,8 @@ class ControlLoop:
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """What each entry of the action commands: of the layer, then of the footholds."""
-        return (*self.layer.action_names, *self.footholds.action_names)
+        """What each entry of the action commands: of the layer, then what is added."""
+        return (*self.layer.action_names, *self.additions.action_names)
 
     def begin(self, ids: np.ndarray, terms: DynamicsTerms) -> None:
         """Have robots `ids` (K,), which are at `terms`, K rows, forget, and begin their plans."""
@@ -90,11 +90,11 @@ class ControlLoop:
         self.delay.send(action)
         self._arrivals = self.delay.arrivals()
 
-    def arrived(self, tick: int) -> tuple[np.ndarray, Steering]:
-        """Return the actions that hold at a tick of the policy step: the layer's, and steering."""
+    def arrived(self, tick: int) -> tuple[np.ndarray, Steering, np.ndarray]:
+        """Return what holds at a tick of the policy step: the layer's action, steering, torques."""
         action = self.delay.arrived(tick)
-        own = np.ascontiguousarray(action[:, : self._num_own])
-        return own, self.footholds.steering(action[:, self._num_own :])
+        own, added = np.ascontiguousarray(action[:, : self._num_own]), action[:, self._num_own :]
+        return own, *self.additions.split(added)
 
     def torque(
         self,
@@ -112,12 +112,12 @@ class ControlLoop:
             actual: returns them where the robots are, see `Now`.
         """
         if tick in self._arrivals:
-            self._own, self._steering = self.arrived(tick)
+            self._own, self._steering, self._residual = self.arrived(tick)
         now = Now(state, terms, self._steering, self.planned, actual)
         self.task.advance(self.plan, now)
         target = self.task.target(self.plan, now)
         torque = self.layer.torque(self._own, state, target, terms, self.memory)
-        return answers.as_numbers(torque, self._torque_shape, self.layer, "torque")
+        return answers.as_numbers(torque, self._torque_shape, self.layer, "torque") + self._residual
 
     def outcome(
         self, state: RobotState, terms: DynamicsTerms, effort: Effort, sums: dict[str, np.ndarray]

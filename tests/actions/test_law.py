@@ -192,8 +192,10 @@ def test_the_momentum_is_damped_towards_that_of_the_target(robot, rng):
 
 
 @pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])
-def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_no_more(name, rng):
-    robot, gain, zero = robots.load("go1"), 5.0, np.zeros((1, 6))
+def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_no_more(
+    robot, name, rng
+):
+    gain, zero = 5.0, np.zeros((1, 6))
     state, terms = crouched(robot, rng, 0.1)
     kind = kind_of(robot)
     slow = 0.03 * robot.gravity / kind.omega
@@ -256,12 +258,6 @@ def test_a_priority_that_nothing_has_is_no_action():
     for options in ({"contact_limits": "none"}, {"balancer": "ott2011"}):
         with pytest.raises(InvalidValueError, match=r"priority_action.*True"):
             layer_of("com_wrench", robot, priority_action=True, **options)
-
-
-def test_on_soles_there_is_no_such_gain():
-    robot = robots.load("biped")
-    with pytest.raises(InvalidValueError, match=r"velocity_gain.*5.0.*0 on soles"):
-        make_layer("base_acceleration", robot, HZ, kind_of(robot), {"velocity_gain": 5.0})
 
 
 @pytest.mark.parametrize(("name", "joint"), [("g1", "hip_yaw"), ("humanoid", "ankle_roll")])

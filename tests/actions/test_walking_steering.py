@@ -1,18 +1,20 @@
-"""The part of an action that steers a gait: footholds and frequency."""
+"""What an action adds to that of a layer: footholds, the frequency of the gait, joint torques."""
 
 import numpy as np
 import pytest
 
 from fbid_gym import robots
 from fbid_gym.actions import LAYERS, make_layer
-from fbid_gym.actions.footholds import Footholds
+from fbid_gym.actions.additions import Additions
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, planned_kind
-from fbid_gym.quantities import Target
+from fbid_gym.quantities import RobotState, Target
+from tests.batches import started
 
 HZ = 250
 GAIT = MotionKind(True, 6.0)
@@ -47,10 +49,11 @@ def walked(gait, command, terms, force, memory):
 def test_the_action_moves_the_next_foothold_by_that_much(name):
     robot = robots.load(name)
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    footholds = Footholds.of(robot, GAIT, footholds=True)
-    assert footholds.scale == pytest.approx(0.2 * Stance.of(robot).home_com[2])
+    footholds = Additions.of(robot, GAIT, footholds=True)
+    scale = 0.2 * Stance.of(robot).home_com[2]
+    np.testing.assert_allclose(footholds.feet, scale)
     action = np.tile([0.1, -0.05], robot.num_feet)[None]
-    shifted = footholds.steering(action)
+    shifted, _ = footholds.split(action)
     command, memory = np.array([[0.05, 0.0, 0.0]]), gait.memory(terms)
     compared = 0
     for _ in range(2 * HZ):
@@ -61,7 +64,7 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
             way = (there.foothold - here.foothold)[0, foot, :2]
             half = np.arctan2(here.qpos[0, 6], here.qpos[0, 3])
             axis = np.array([np.cos(2 * half), np.sin(2 * half)])
-            asked = footholds.scale * (0.1 * axis - 0.05 * np.array([-axis[1], axis[0]]))
+            asked = scale * (0.1 * axis - 0.05 * np.array([-axis[1], axis[0]]))
             np.testing.assert_allclose(way, asked, atol=1e-9)
             compared += 1
     assert compared > 0
@@ -70,11 +73,11 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
 def test_the_step_rate_is_the_gaits_frequency():
     robot = robots.load("go1")
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    faster = Footholds.of(robot, GAIT, step_rate=True)
+    faster = Additions.of(robot, GAIT, step_rate=True)
     command, passed = np.array([[0.3, 0.0, 0.0]]), []
     for action in (0.0, 1.0, -1.0):
         memory, cycles = gait.memory(terms), []
-        steering = faster.steering(np.array([[action]]))
+        steering, _ = faster.split(np.array([[action]]))
         for _ in range(HZ // 2):
             target = walked(gait, commanded(command, steering), terms, force, memory)
             cycles.append(target.cycle[0])
@@ -94,8 +97,39 @@ def test_the_action_is_the_layers_and_then_the_footholds(layer):
             made, steers = make_layer(layer, robot, HZ, GAIT, options)
             assert len(steers.action_names) == 8 * moved + rate
             assert made.action_names
-            shift, rates = steers.steering(np.zeros((2, 8 * moved + rate)))
-            assert not shift.any() and (rates == 1.0).all()
+            (shift, rates), torque = steers.split(np.zeros((2, 8 * moved + rate)))
+            assert not shift.any() and not torque.any() and (rates == 1.0).all()
+
+
+def first_torque(layer, action, **options):
+    """Torques of the first control tick of two robots, before limits; and their limits."""
+    made = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
+    batch = started(made | {"action_layer": layer, "layer_options": options}, 2)
+    where = batch.simulation.qpos.copy(), batch.simulation.qvel.copy()
+    state = RobotState(*where, np.zeros((2, 4, 3)), np.zeros(2, np.int64))
+    batch.loop.send(action[:, : len(batch.action_names)])
+    terms = batch.simulation.terms
+    return batch.loop.torque(0, state, terms, terms), batch.robot.torque_limit
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_residual_torques_are_added_to_those_of_any_layer(layer, rng):
+    (made, plain), (_, more) = (
+        make_layer(layer, robots.load("go1"), HZ, GAIT, {"residual_torque": share})
+        for share in (0.0, 0.2)
+    )
+    own = len(made.action_names) + len(plain.action_names)
+    assert len(more.action_names) == len(plain.action_names) + 12
+    action = rng.uniform(-1.0, 1.0, (2, own + 12))
+    without, limit = first_torque(layer, action)
+    torque, _ = first_torque(layer, action, residual_torque=0.2)
+    np.testing.assert_array_equal(torque, without + 0.2 * limit * action[:, own:])
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, np.nan, "much"])
+def test_a_residual_torque_is_a_share_of_the_limit(share):
+    with pytest.raises(InvalidValueError, match="residual_torque"):
+        make_layer("torque", robots.load("go1"), HZ, GAIT, {"residual_torque": share})
 
 
 @pytest.mark.parametrize("option", ["footholds", "step_rate"])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from eval.tools.site import environments
 from eval.tools.site.pictures import CAPTION, FOLDER
-from fbid_gym.actions import LAYERS, Footholds, layer_choices
+from fbid_gym.actions import LAYERS, Additions, layer_choices
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions
 from fbid_gym.envs.page import meanings, option_table
@@ -70,7 +70,7 @@ def _home(module: str, name: str) -> str:
 def layer(text: str, name: str, drawn: bool) -> str:
     """Fill the marks of a layer's page: the picture, if there is one, and the table of options."""
     shown = f"![A push on a zero action of {name}]({name}.svg)\n\n{CAPTION.format(f'`{name}`')}"
-    every = (BodyOptions, ContactOptions, Footholds.of, LAYERS[name])
+    every = (BodyOptions, ContactOptions, Additions.of, LAYERS[name])
     said = {option: words for build in every for option, words in meanings(build).items()}
     text = text.replace("<!-- picture -->", shown if drawn else "")
     return text.replace("<!-- options -->", option_table(layer_choices(name), said))

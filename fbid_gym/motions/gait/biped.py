@@ -36,16 +36,17 @@ class Pattern(NamedTuple):
     top: float  # of the speed, greatest ahead
     start: float  # of the speed, greatest ahead that the first step is planned for
     moment: float  # `Target.moment`
+    width: float  # between the middles of the feet, of that at which soles all but touch
 
 
 PATTERNS = {
-    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0),
-    "brisk_walk": Pattern(None, 0.1, 0.05, 4.0, 0.05, 0.06, 0.14, 0.32, 0.0, 0.4),
+    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0, math.inf),
+    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, 0.7, 1.5),
 }
-"""Slowly and upright; and with bent legs, hardly any double support and a body that may pitch. The
-second one goes twice as fast and falls less under pushes, see docs/v1.md."""
+"""Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
+body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
 
-_LEAST, _MOST = 1.5, 2.0  # pendulum times a step, as quick as legs swing
+_LEAST, _MOST = 1.2, 2.0  # pendulum times a step, as quick as legs swing
 _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
 _SETTLE = 1.25  # pendulum times to shift the weight
 _BEND = 0.05  # of the speed
@@ -86,8 +87,8 @@ def biped_gait(
                 "Expected two flat feet to walk like a biped."
             )
     sole = np.abs(points).max(axis=0)
-    ground = feet[:, 2].mean()
-    if width < 2.0 * sole[1] + _GAP * leg:
+    least_apart = 2.0 * float(sole[1]) + _GAP * leg
+    if width < least_apart:
         raise RobotError(
             f"Feet {robot.foot_names[0]!r} and {robot.foot_names[1]!r} of {robot.name!r} stand "
             f"{width:.3g} m apart, and their soles are {2.0 * sole[1]:.3g} m wide. "
@@ -96,7 +97,6 @@ def biped_gait(
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
     lowered, omega, usual, share = _bent(robot, pattern)
     period = 0.5 * (cycle or usual) / omega
-    rates = np.array([pattern.forward, _AGILITY, _AGILITY / leg])
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
@@ -106,14 +106,14 @@ def biped_gait(
         start=pattern.start * speed,
         moment=pattern.moment,
         settle=_SETTLE / omega,
-        agility=gravity * rates,
+        agility=gravity * np.array([pattern.forward, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),
         gain=pattern.gain,
-        height=float(home.base_position[0, 2] - ground - lowered),
+        height=float(home.base_position[0, 2] - feet[:, 2].mean() - lowered),
         crouch=lowered - _HIGH * leg,
         bend=_BEND * speed,
-        width=float(width),
-        least_apart=float(2.0 * sole[1] + _GAP * leg),
+        width=min(float(width), pattern.width * least_apart),
+        least_apart=least_apart,
         most_apart=float(width + _WIDEST * leg),
         longest=_LONGEST * leg,
         lift=pattern.lift * leg,
