@@ -88,7 +88,7 @@ def _correct(
         loaded, stands = readings.load[i, foot] > own.threshold, belief.standing[i, foot]
         fresh[foot] = loaded and not stands
         if stands and not loaded:
-            _drop(belief, i, foot)
+            drop(belief, i, foot, D, 3)
         elif stands:
             centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
             roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
@@ -106,7 +106,8 @@ def _correct(
     for foot in range(feet):
         if fresh[foot]:
             centre, _ = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
-            _add(_see(own, legs, rotation, foot, centre, arm, noise), noise, belief, i, foot)
+            away = _see(own, legs, rotation, foot, centre, arm, noise)
+            add_foot(away, noise, belief, i, foot, P, D)
 
 
 @compiled
@@ -241,30 +242,33 @@ def _move(
 
 
 @compiled
-def _drop(belief: Belief, i: int, foot: int) -> None:
-    """Take a foot out of the state."""
+def drop(belief: Belief, i: int, foot: int, d: int, axes: int) -> None:
+    """Take a foot out of the state; in the covariance there are `axes` rows each, from d on."""
     belief.standing[i, foot] = False
-    covariance, row = belief.covariance[i], D + 3 * foot
+    covariance, row = belief.covariance[i], d + axes * foot
     for k in range(len(covariance)):
-        for axis in range(3):
+        for axis in range(axes):
             covariance[k, row + axis], covariance[row + axis, k] = 0.0, 0.0
 
 
 @compiled
-def _add(away: Vector, noise: np.ndarray, belief: Belief, i: int, foot: int) -> None:
-    """Add a foot where it is seen: xi_d = xi_p + R noise."""
+def add_foot(
+    away: Vector, noise: np.ndarray, belief: Belief, i: int, foot: int, p: int, d: int
+) -> None:
+    """Add a foot where it is seen: xi_d = xi_p + R noise; these have their rows from d, p on."""
     belief.standing[i, foot] = True
     store(add(vector(belief.position, (i,)), away), belief.foot, (i, foot))
-    covariance, row = belief.covariance[i], D + 3 * foot
+    covariance, axes = belief.covariance[i], len(noise)
+    row = d + axes * foot
     for k in range(len(covariance)):
-        for axis in range(3):
-            covariance[row + axis, k] = covariance[P + axis, k]
+        for axis in range(axes):
+            covariance[row + axis, k] = covariance[p + axis, k]
     for k in range(len(covariance)):
-        for axis in range(3):
-            covariance[k, row + axis] = covariance[k, P + axis]
-    for j in range(3):
-        for k in range(3):
-            covariance[row + j, row + k] = covariance[P + j, P + k] + noise[j, k]
+        for axis in range(axes):
+            covariance[k, row + axis] = covariance[k, p + axis]
+    for j in range(axes):
+        for k in range(axes):
+            covariance[row + j, row + k] = covariance[p + j, p + k] + noise[j, k]
 
 
 @compiled

@@ -36,7 +36,7 @@ from fbid_gym.dynamics.vectors import (
     turn,
     vector,
 )
-from fbid_gym.estimation.correction import roll, write_state
+from fbid_gym.estimation.correction import add_foot, drop, roll, write_state
 from fbid_gym.estimation.invariant_filter import Belief, Filter
 from fbid_gym.estimation.legs import Legs, place_foot
 from fbid_gym.estimation.prediction import integrate, midway
@@ -49,23 +49,14 @@ R, BG, V, P, D = 0, 1, 2, 3, 4
 
 
 @compiled
-def _predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) -> None:
-    """Integrate what the inertial unit read over a tick, and observe the attitude by it.
-
-    Args:
-        own: constants.
-        readings: of the robots.
-        which: (N,) bool, robots to go on with.
-        belief: updated; its covariance (N, 4 + F, 4 + F) is that of one axis.
-    """
-    for i in range(len(which)):
-        if which[i] and not belief.lost[i]:
-            middle = midway(own, readings, belief, i)
-            integrate(own, readings, belief, middle, i)
-            _observe(own, readings, belief, middle, i)
-            belief.age[i] += 1
-            if belief.age[i] >= own.every:
-                _spread(own, belief, i)
+def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
+    """Integrate what the inertial unit read over a tick, and observe the attitude by it."""
+    middle = midway(own, readings, belief, i)
+    integrate(own, readings, belief, middle, i)
+    _observe(own, readings, belief, middle, i)
+    belief.age[i] += 1
+    if belief.age[i] >= own.every:
+        _spread(own, belief, i)
 
 
 @compiled
@@ -115,13 +106,18 @@ def _spread(own: Filter, belief: Belief, i: int) -> None:
 def update_linear(
     own: Filter, legs: Legs, readings: Readings, which: np.ndarray, belief: Belief, seen: RobotState
 ) -> None:
-    """Go on with the estimate by a tick, see `correction.update`."""
-    _predict(own, readings, which, belief)
+    """Go on with the estimate by a tick, see `correction.update`.
+
+    The belief's covariance (N, 4 + F, 4 + F) is that of one axis.
+    """
     joints, feet = legs.joint.shape[1], legs.joint.shape[0]
     axis, arm, away = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((feet, 3))
-    column, noise, fresh = np.empty(D + feet), np.empty(feet), np.empty(feet, np.bool_)
+    column, noise = np.empty(D + feet), np.empty((feet, 1, 1))
+    fresh = np.empty(feet, np.bool_)
     for i in range(len(which)):
         if which[i]:
+            if not belief.lost[i]:
+                _predict(own, readings, belief, i)
             _correct(own, legs, readings, belief, axis, arm, away, column, noise, fresh, i)
             write_state(own, readings, belief, seen, i)
 
@@ -153,27 +149,29 @@ def _correct(
         loaded, stands = readings.load[i, foot] > own.threshold, belief.standing[i, foot]
         fresh[foot] = loaded and not stands
         if stands and not loaded:
-            _drop(belief, i, foot)
+            drop(belief, i, foot, D, 1)
         elif loaded:
             centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
             seen = turn(rotation, centre)
             store((seen[0], seen[1], seen[2] - legs.radius[foot]), away, (foot,))
-            noise[foot] = own.placing
+            noise[foot, 0, 0] = own.placing
             for k in range(len(arm)):
                 if legs.joint[foot, k] >= 0:
-                    noise[foot] += own.encoder / 3.0 * dot(vector(arm, (k,)), vector(arm, (k,)))
+                    square = dot(vector(arm, (k,)), vector(arm, (k,)))
+                    noise[foot, 0, 0] += own.encoder / 3.0 * square
             if stands:
                 roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
             if stands and readings.fresh[i]:
                 stood += 1
-                if not _measure(own, vector(away, (foot,)), noise[foot], column, belief, i, foot):
+                told = vector(away, (foot,))
+                if not _measure(own, told, noise[foot, 0, 0], column, belief, i, foot):
                     slipped += 1
                     fresh[foot] = True
     belief.slipped[i] = belief.slipped[i] + 1 if stood > 0 and slipped == stood else 0
     belief.refused[i] += slipped
     for foot in range(len(fresh)):
         if fresh[foot]:
-            _add(vector(away, (foot,)), noise[foot], belief, i, foot)
+            add_foot(vector(away, (foot,)), noise[foot], belief, i, foot, P, D)
 
 
 @compiled
@@ -181,9 +179,6 @@ def _begin(own: Filter, belief: Belief, i: int) -> None:
     """Begin with an estimate anew."""
     begin_upright(own, belief, i)
     covariance = belief.covariance[i]
-    for j in range(len(covariance)):
-        for k in range(len(covariance)):
-            covariance[j, k] = 0.0
     covariance[R, R] = own.tilt_variance
     covariance[BG, BG] = own.gyroscope_variance
     covariance[V, V] = own.velocity_variance
@@ -213,25 +208,3 @@ def _measure(
         for k in range(V, len(column)):
             covariance[j, k] -= column[j] * column[k] / variance
     return True
-
-
-@compiled
-def _drop(belief: Belief, i: int, foot: int) -> None:
-    """Take a foot out of the state."""
-    belief.standing[i, foot] = False
-    covariance, row = belief.covariance[i], D + foot
-    for k in range(len(covariance)):
-        covariance[k, row], covariance[row, k] = 0.0, 0.0
-
-
-@compiled
-def _add(away: Vector, noise: float, belief: Belief, i: int, foot: int) -> None:
-    """Add a foot where it is seen."""
-    belief.standing[i, foot] = True
-    store(add(vector(belief.position, (i,)), away), belief.foot, (i, foot))
-    covariance, row = belief.covariance[i], D + foot
-    for k in range(len(covariance)):
-        covariance[row, k] = covariance[P, k]
-    for k in range(len(covariance)):
-        covariance[k, row] = covariance[k, P]
-    covariance[row, row] = covariance[P, P] + noise
