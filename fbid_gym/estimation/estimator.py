@@ -71,9 +71,8 @@ class Estimator:
             qpos: (K, nq), of which they know the base's place and heading.
         """
         belief, mounting = self.belief, self.mounting
-        for part in (belief.position, belief.standing):
-            part[ids] = 0
-        for part in (belief.slipped, belief.age, belief.refused, belief.restarts):
+        counts = belief.slipped, belief.age, belief.refused, belief.restarts
+        for part in (belief.position, belief.standing, *counts):
             part[ids] = 0
         base = quaternion_to_matrix(qpos[:, 3:7])
         belief.origin[ids] = qpos[:, :3] + base @ mounting.place

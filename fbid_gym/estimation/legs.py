@@ -24,6 +24,7 @@ from fbid_gym.dynamics.vectors import (
     vector,
 )
 from fbid_gym.robots import Robot
+from fbid_gym.robots.measured_model import MeasuredModel
 
 SITE = "imu"
 """Name of the site of the base where the inertial unit sits, with its axes."""
@@ -53,12 +54,11 @@ class Legs(NamedTuple):
 
 def mounting_of(robot: Robot) -> tuple[Mounting, str]:
     """Return where a robot's inertial unit sits, and a note in words if its model does not say."""
-    model, data = robot.model, mujoco.MjData(robot.model)
+    model, trunk = robot.model, base_from_trunk(robot)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, SITE)
-    trunk = base_from_trunk(robot)
     if site >= 0 and model.site_bodyid[site] == robot.base_body:
-        mujoco.mj_kinematics(model, data)
-        base = data.xmat[robot.base_body].reshape(3, 3)
+        pose = MeasuredModel(model, model.qpos0)
+        data, base = pose.data, pose.rotation(robot.base_body)
         place = base.T @ (data.site_xpos[site] - data.xpos[robot.base_body])
         axes = base.T @ data.site_xmat[site].reshape(3, 3)
         return Mounting(place, axes, axes.T @ trunk[:, 0]), ""
@@ -71,15 +71,12 @@ def mounting_of(robot: Robot) -> tuple[Mounting, str]:
 
 def legs_of(robot: Robot, mounting: Mounting) -> Legs:
     """Measure a robot's legs."""
-    model, data = robot.model, mujoco.MjData(robot.model)
-    data.qpos[:] = 0.0
-    data.qpos[3] = 1.0
-    mujoco.mj_kinematics(model, data)
-    origin = data.xpos[robot.base_body]
-    base = data.xmat[robot.base_body].reshape(3, 3)
+    zeros = np.array([0.0, 0.0, 0.0, 1.0, *np.zeros(robot.nq - 4)])
+    model, pose = robot.model, MeasuredModel(robot.model, zeros)
+    data, base = pose.data, pose.rotation(robot.base_body)
     to_imu = mounting.base_from_imu.T @ base.T
-    place = origin + base @ mounting.place
-    chains = [_chain(model, foot.body, robot.base_body) for foot in robot.feet]
+    place = data.xpos[robot.base_body] + base @ mounting.place
+    chains = [pose.joints_above(foot.body) for foot in robot.feet]
     shape = len(chains), max(1, *map(len, chains))
     legs = Legs(
         joint=np.full(shape, -1, np.int64),
@@ -95,20 +92,9 @@ def legs_of(robot: Robot, mounting: Mounting) -> Legs:
             legs.hinge[i, k] = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
             legs.axis[i, k] = to_imu @ data.xaxis[joint]
             legs.anchor[i, k] = to_imu @ (data.xanchor[joint] - place)
-        rotation = data.xmat[foot.body].reshape(3, 3)
-        centre = data.xpos[foot.body] + rotation @ foot.points.mean(axis=0)
+        centre = data.xpos[foot.body] + pose.rotation(foot.body) @ foot.points.mean(axis=0)
         legs.foot[i] = to_imu @ (centre - place)
     return legs
-
-
-def _chain(model: mujoco.MjModel, body: int, base: int) -> list[int]:
-    """Joints from the base to a body."""
-    joints: list[int] = []
-    while body != base:
-        first = int(model.body_jntadr[body])
-        joints = [*range(first, first + int(model.body_jntnum[body])), *joints]
-        body = int(model.body_parentid[body])
-    return joints
 
 
 @compiled

@@ -23,9 +23,8 @@ def by_place(robot: Robot) -> Robot:
     A quadruped's are then front left, hind left, hind right, front right, whatever the order in
     its file.
     """
-    ends = np.cumsum([foot.num_points for foot in robot.feet])
-    points = [np.arange(e - foot.num_points, e) for e, foot in zip(ends, robot.feet, strict=True)]
-    place = np.array([robot.points_at_home[own, :2].mean(axis=0) for own in points])
+    touches = [foot.touching(robot.at_home.data) for foot in robot.feet]
+    place = np.array([touch[:, :2].mean(axis=0) for touch in touches])
     place -= place.mean(axis=0)
     angle = (np.arctan2(place[:, 1], place[:, 0]) + _AHEAD) % (2.0 * np.pi)
     order = np.argsort(angle)

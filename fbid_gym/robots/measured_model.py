@@ -20,15 +20,10 @@ _CIRCLE = 8  # points that stand for one
 
 @dataclass(frozen=True, eq=False)
 class MeasuredModel:
-    """One floating robot in a pose. Nothing of it may be changed.
+    """One floating robot in a pose. Nothing of it may be changed."""
 
-    Attributes:
-        model: the model, whose first joint is the free one.
-        qpos: (nq,) the pose.
-    """
-
-    model: mujoco.MjModel
-    qpos: np.ndarray
+    model: mujoco.MjModel  # whose first joint is the free one
+    qpos: np.ndarray  # (nq,) the pose
 
     @cached_property
     def data(self) -> mujoco.MjData:
@@ -135,12 +130,8 @@ class MeasuredModel:
 
     def joints_above(self, body: int) -> list[int]:
         """Ids of the joints between the base and a body, from the base on."""
-        model, chain = self.model, list[int]()
-        while body not in (0, self.base):
-            first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-            chain[:0] = range(first, first + count)
-            body = int(model.body_parentid[body])
-        return chain
+        moved = [above for above in self.bodies_above(body) if above not in (0, self.base)]
+        return [int(j) for j in np.flatnonzero(np.isin(self.model.jnt_bodyid, moved))]
 
     def hinges_above(self, body: int) -> list[int]:
         """Ids of the hinges among them."""
