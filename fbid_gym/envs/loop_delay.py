@@ -16,15 +16,11 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LoopDelay:
-    """Of N robots.
+    """Of N robots."""
 
-    Attributes:
-        control_hz: control ticks per second.
-        arrays: all that changes, by name: "torque" (N, H, n) N·m, the last ones, newest first;
-            "ticks" (N,), the delays in control ticks.
-    """
-
-    control_hz: int
+    control_hz: int  # control ticks per second
+    # All that changes, by name: "torque" (N, H, n) N·m, the last ones, newest first; "ticks" (N,),
+    # the delays in control ticks.
     arrays: dict[str, np.ndarray]
 
     @property

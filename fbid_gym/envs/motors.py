@@ -19,19 +19,12 @@ _HOT = 0.9  # of what a motor bears for ever: from here on its limit falls
 
 
 class MotorState(NamedTuple):
-    """What goes on in the motors of N robots, n joints.
+    """What goes on in the motors of N robots, n joints."""
 
-    Attributes:
-        torque: (N, n) N·m, at the end of the last physics step.
-        heat: (N, n) share of the heat that a motor bears for ever.
-        speed: (N,) factor on the speeds of the torque-speed line.
-        lag: (N,) factor on the lag.
-    """
-
-    torque: np.ndarray
-    heat: np.ndarray
-    speed: np.ndarray
-    lag: np.ndarray
+    torque: np.ndarray  # (N, n) N·m, at the end of the last physics step
+    heat: np.ndarray  # (N, n) share of the heat that a motor bears for ever
+    speed: np.ndarray  # (N,) factor on the speeds of the torque-speed line
+    lag: np.ndarray  # (N,) factor on the lag
 
     @classmethod
     def cold(cls, num_robots: int, num_joints: int) -> "MotorState":

@@ -26,33 +26,28 @@ IDEAL, SHEET = "ideal", "data_sheet"
 
 @dataclass(frozen=True)
 class PerJoint:
-    """A number from `least` to `most`, or such numbers by joint name or pattern; not 0."""
+    """A number, or such numbers by joint name or pattern; not 0."""
 
-    least: float
-    most: float
-    unit: str
+    one: Number
 
     @property
     def words(self) -> str:
         """See `fbid_gym.options.Kind`."""
-        number = Number(self.least, self.most, self.unit).words
-        return f'{number}, or a dictionary from joints or patterns such as "*_knee" to such numbers'
+        by_joint = 'a dictionary from joints or patterns such as "*_knee" to such numbers'
+        return f"{self.one.words}, or {by_joint}"
 
     def check(self, name: str, value: Any) -> Any:
         """See `fbid_gym.options.Kind`."""
-        number = Number(self.least, self.most, self.unit)
-        if not isinstance(value, Mapping):
-            if not number.holds(value):
-                raise InvalidValueError(name, value, self.words)
-            return float(value)
-        return {
-            joint: number.check(f"{name} of {joint}", own)
-            for joint, own in by_name(name, value).items()
-        }
+        if isinstance(value, Mapping):
+            given = by_name(name, value).items()
+            return {joint: self.one.check(f"{name} of {joint}", own) for joint, own in given}
+        if not self.one.holds(value):
+            raise InvalidValueError(name, value, self.words)
+        return float(value)
 
 
-Speed = Annotated[ByJoint, PerJoint(1e-3, 1e6, "rad/s")]
-Torque = Annotated[ByJoint, PerJoint(1e-6, 1e6, "N·m")]
+Speed = Annotated[ByJoint, PerJoint(Number(1e-3, 1e6, "rad/s"))]
+Torque = Annotated[ByJoint, PerJoint(Number(1e-6, 1e6, "N·m"))]
 
 
 @dataclass(frozen=True)
@@ -70,11 +65,11 @@ class MotorTable:
     """rad/s at which a motor that drives has no torque left."""
     full_speed: Speed | None = None
     """rad/s up to which it has all of its limit. None: 0, a straight line."""
-    viscous_friction: Annotated[ByJoint, PerJoint(1e-9, 1e6, "N·m·s/rad")] | None = None
+    viscous_friction: Annotated[ByJoint, PerJoint(Number(1e-9, 1e6, "N·m·s/rad"))] | None = None
     """N·m·s/rad, in place of the file's joint damping, which the laws go on to believe in."""
     dry_friction: Torque | None = None
     """N·m, in place of the file's."""
-    lag: Annotated[ByJoint, PerJoint(1e-6, 10.0, "s")] | None = None
+    lag: Annotated[ByJoint, PerJoint(Number(1e-6, 10.0, "s"))] | None = None
     """s, time constant with which the torque follows what is asked for."""
     continuous_torque: Torque | None = None
     """N·m that a motor bears for ever (I²t): a motor warms towards (torque / this)², and between
@@ -95,39 +90,23 @@ class MotorTable:
 
 
 class TorqueLine(NamedTuple):
-    """The torque-speed line of n motors.
+    """The torque-speed line of n motors."""
 
-    Attributes:
-        torque: (n,) N·m, largest.
-        full_speed: (n,) rad/s up to which it is there.
-        fading: (n,) s/rad, share of it that is lost per rad/s beyond; 0 for ideal motors.
-    """
-
-    torque: np.ndarray
-    full_speed: np.ndarray
-    fading: np.ndarray
+    torque: np.ndarray  # (n,) N·m, largest
+    full_speed: np.ndarray  # (n,) rad/s up to which it is there
+    fading: np.ndarray  # (n,) s/rad, share of it that is lost per rad/s beyond; 0 for ideal motors
 
 
 class Drives(NamedTuple):
-    """The motors of a robot, n joints.
+    """The motors of a robot, n joints."""
 
-    Attributes:
-        line: what they can give at a speed.
-        lag: (n,) s; 0 for none.
-        continuous: (n,) N·m that they bear for ever; infinite where they do not warm.
-        thermal_time: s.
-        battery: W; may be infinite.
-        viscous: (n,) N·m·s/rad, of the joints.
-        dry: (n,) N·m, likewise.
-    """
-
-    line: TorqueLine
-    lag: np.ndarray
-    continuous: np.ndarray
-    thermal_time: float
-    battery: float
-    viscous: np.ndarray
-    dry: np.ndarray
+    line: TorqueLine  # what they can give at a speed
+    lag: np.ndarray  # (n,) s; 0 for none
+    continuous: np.ndarray  # (n,) N·m that they bear for ever; infinite where they do not warm
+    thermal_time: float  # s
+    battery: float  # W; may be infinite
+    viscous: np.ndarray  # (n,) N·m·s/rad, of the joints
+    dry: np.ndarray  # (n,) N·m, likewise
 
 
 @compiled

@@ -25,15 +25,10 @@ _AS_IT_IS = np.ones(3)
 
 
 class Reflection(NamedTuple):
-    """What of a row of numbers becomes what in the mirror.
+    """What of a row of numbers becomes what in the mirror."""
 
-    Attributes:
-        entry: (K,) index of the number that takes each place.
-        sign: (K,) 1 or -1, of which it is multiplied.
-    """
-
-    entry: np.ndarray
-    sign: np.ndarray
+    entry: np.ndarray  # (K,) index of the number that takes each place
+    sign: np.ndarray  # (K,) 1 or -1, of which it is multiplied
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return numbers (..., K) in the mirror; twice, they are what they were."""
@@ -41,19 +36,12 @@ class Reflection(NamedTuple):
 
 
 class Mirror(NamedTuple):
-    """The mirror symmetry of a robot.
+    """The mirror symmetry of a robot."""
 
-    Attributes:
-        joints: of what joints do, counted from home: positions, velocities, torques.
-        feet: of what feet have, such as loads.
-        points: of what contact points have.
-        home: (n,) rad (m for slides), of the joints.
-    """
-
-    joints: Reflection
-    feet: Reflection
-    points: Reflection
-    home: np.ndarray
+    joints: Reflection  # of what they do, counted from home: positions, velocities, torques
+    feet: Reflection  # of what they have, such as loads
+    points: Reflection  # of what contact points have
+    home: np.ndarray  # (n,) rad (m for slides), of the joints
 
     def of_state(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return states (N, nq), (N, nv) in the mirror, the world's plane of x and z."""
@@ -73,7 +61,7 @@ def mirror_of(robot: Robot) -> Mirror:
     """
     data, n = robot.at_home.data, robot.num_joints
     base, size = data.xpos[robot.base_body], float(robot.at_home.com[2])
-    axes = data.xmat[robot.base_body].reshape(3, 3)
+    axes = robot.at_home.rotation(robot.base_body)
     if not np.allclose(axes.T * _ACROSS @ axes, np.diag(_ACROSS), atol=_ALIKE):
         raise _none(robot, "its base does not look ahead along its x axis at home")
     hinge = robot.model.jnt_type[1 : n + 1] == mujoco.mjtJoint.mjJNT_HINGE

@@ -28,15 +28,10 @@ _GEAR = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
 class ServoGains(NamedTuple):
-    """The gains of a file's servos, felt at the joints; 0 where a joint has none.
+    """The gains of a file's servos, felt at the joints; 0 where a joint has none."""
 
-    Attributes:
-        stiffness: (n,) N·m/rad.
-        damping: (n,) N·m·s/rad; the joint's own damping is not in it.
-    """
-
-    stiffness: np.ndarray
-    damping: np.ndarray
+    stiffness: np.ndarray  # (n,) N·m/rad
+    damping: np.ndarray  # (n,) N·m·s/rad; the joint's own damping is not in it
 
 
 def servo_gains(model: mujoco.MjModel) -> ServoGains | None:

@@ -33,16 +33,11 @@ RobotSource = Union[str, Path, mujoco.MjSpec, "Source"]
 
 @dataclass(frozen=True)
 class Source:
-    """Where a robot's description comes from; reading it twice gives the same robot.
+    """Where a robot's description comes from; reading it twice gives the same robot."""
 
-    Attributes:
-        content: path of a file; text of an MJCF or URDF; or a spec, as a zip of its MJCF and
-            assets.
-        digest: SHA-256 of the content, of a file without what it includes.
-    """
-
+    # Path of a file; text of an MJCF or URDF; or a spec, as a zip of its MJCF and assets.
     content: Path | str | bytes
-    digest: str
+    digest: str  # SHA-256 of the content, of a file without what it includes
 
     @classmethod
     def of(cls, source: RobotSource) -> "Source":
