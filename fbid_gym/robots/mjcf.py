@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -72,15 +73,17 @@ def moving_joints(model: mujoco.MjModel) -> list[int]:
 def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
     """Give joints without a name one that no other has; returns those that move, in dof order."""
     joints = {joint.id: joint for joint in spec.joints}
-    taken = {joint.name for joint in spec.joints}
     for j, joint in joints.items():
-        if not joint.name:
-            name = f"joint_{j}"
-            while name in taken:
-                name += "_"
-            joint.name = name
-            taken.add(name)
+        joint.name = joint.name or unused(f"joint_{j}", joints.values())
     return tuple(joints[j].name for j in moving_joints(model))
+
+
+def unused(name: str, parts: Iterable[Any]) -> str:
+    """Return a name of ours, longer if one of these parts of a file has it already."""
+    taken = {part.name for part in parts}
+    while name in taken:
+        name += "_"
+    return name
 
 
 def joint_range(model: mujoco.MjModel) -> np.ndarray:

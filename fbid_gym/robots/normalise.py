@@ -60,7 +60,8 @@ def normalise(source: Source, base: str | None) -> Normal:
         notes += lock_equal_limits(spec, source.text)
         if base is None:
             notes += _free_root(spec)
-            base = _root_link(spec)
+            top = list(spec.worldbody.bodies)  # one link, if it does not move yet
+            base = top[0].name if len(top) == 1 and not list(top[0].joints) else None
     if base is not None and not any(map(_is_free, spec.joints)):
         notes += _float(spec, base, source.label)
     notes += _switch_off(spec)
@@ -127,12 +128,6 @@ def exclude_overlaps(
 
 def _is_free(joint: mujoco.MjsJoint) -> bool:
     return bool(joint.type == _JOINT.mjJNT_FREE)
-
-
-def _root_link(spec: mujoco.MjSpec) -> str | None:
-    """Name of the one top-level body, if it does not move yet."""
-    top = list(spec.worldbody.bodies)
-    return top[0].name if len(top) == 1 and not list(top[0].joints) else None
 
 
 def _free_root(spec: mujoco.MjSpec) -> list[str]:

@@ -19,7 +19,8 @@ def few_corners(points: np.ndarray) -> list[int]:
         before, after = np.roll(shape, 1, axis=0) - shape, np.roll(shape, -1, axis=0) - shape
         lost = 0.5 * np.abs(_cross(before, after))
         least = int(np.argmin(lost))
-        if len(corners) <= _MOST and lost[least] > _SPARED * _area(shape):
+        area = 0.5 * abs(float(np.sum(_cross(shape, np.roll(shape, -1, axis=0)))))
+        if len(corners) <= _MOST and lost[least] > _SPARED * area:
             break
         del corners[least]
     return corners
@@ -61,13 +62,8 @@ def margin_within(points: np.ndarray, place: np.ndarray) -> float:
         along = ahead[0] / max(length[0], 1e-12)
         nearest = corners[0] + along * np.clip(to_place[0] @ along, 0.0, length[0])
         return -float(np.linalg.norm(place - nearest))
-    across = (ahead[:, 0] * to_place[:, 1] - ahead[:, 1] * to_place[:, 0]) / length
-    return float(across.min())
+    return float((_cross(ahead, to_place) / length).min())
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _area(corners: np.ndarray) -> float:
-    return 0.5 * abs(float(np.sum(_cross(corners, np.roll(corners, -1, axis=0)))))

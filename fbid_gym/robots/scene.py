@@ -1,7 +1,7 @@
 """What a robot has below its feet, and what is added to its MJCF: a ground, and light."""
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -9,6 +9,7 @@ import numpy as np
 
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.mjcf import unused
 
 _GEOM = mujoco.mjtGeom
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -103,14 +104,6 @@ def add_ground(
         size=[0, 0, 0.1],
         material=ground,
     )
-
-
-def unused(name: str, parts: Iterable[Any]) -> str:
-    """Return a name of ours, longer if one of these parts of a file has it already."""
-    taken = {part.name for part in parts}
-    while name in taken:
-        name += "_"
-    return name
 
 
 def collision_bits(spec: mujoco.MjSpec) -> int:

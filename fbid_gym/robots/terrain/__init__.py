@@ -110,7 +110,7 @@ def make_terrain(
     if name == "flat" or height == 0.0:
         return Field(np.zeros((1, 2)), np.inf)
     # A base's frame may lie anywhere in it, near the soles as well.
-    tallest = max(float(robot.home_qpos[2]), _com_height(robot))
+    tallest = float(max(robot.home_qpos[2], robot.at_home.com[2]))
     if not 0.0 <= height <= tallest:
         raise InvalidValueError(
             "terrain height",
@@ -169,7 +169,7 @@ def world_of(robot: Robot, terrain: Terrain) -> mujoco.MjSpec:
 
 def _scale(robot: Robot) -> Scale:
     """The height of its centre of mass, and what its feet clear."""
-    return Scale(_com_height(robot), _REACH[not robot.has_soles])
+    return Scale(float(robot.at_home.com[2]), _REACH[not robot.has_soles])
 
 
 def _reach(robot: Robot) -> float:
@@ -178,9 +178,5 @@ def _reach(robot: Robot) -> float:
     At least a share of the robot's height: it may stand on a point below its base.
     """
     offset = (robot.points_at_home - robot.at_home.data.xpos[robot.base_body])[:, :2]
-    return max(float(np.linalg.norm(offset, axis=1).max()), _LEAST_REACH * _com_height(robot))
-
-
-def _com_height(robot: Robot) -> float:
-    """Height of the centre of mass at home, m."""
-    return float(robot.at_home.com[2])
+    farthest = np.linalg.norm(offset, axis=1).max()
+    return float(max(farthest, _LEAST_REACH * robot.at_home.com[2]))

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.scene import add_solid, collision_bits, unused
+from fbid_gym.robots.mjcf import unused
+from fbid_gym.robots.scene import add_solid, collision_bits
 from fbid_gym.robots.terrain.grid import HeightGrid, plane
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground

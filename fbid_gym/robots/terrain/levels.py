@@ -53,16 +53,12 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
     elevation = settled(whole * scale.length)
     grid = HeightGrid(np.array([-0.5 * edge, -0.5 * edge]), cell, elevation)
     inner = (np.arange(1, _PATCHES - 1) - 0.5 * (_PATCHES - 1)) * EDGE * scale.length
-    y, x = (part.ravel() for part in np.meshgrid(inner, inner, indexing="ij"))
-    corner = np.stack([x, y], axis=1)
-    starts = np.concatenate(
-        [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
-    )
+    corner = np.stack(np.meshgrid(inner, inner), axis=-1).reshape(-1, 2)
+    starts = [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
     names = list(PATCHES)
-    tiles = Tiles(
-        len(difficulties), edge, np.array([[names.index(k) for k in row] for row in kinds])
-    )
-    return Field(starts, CLEARING * scale.length, tiles, grid, _COLOUR)
+    numbers = np.array([[names.index(k) for k in row] for row in kinds])
+    tiles = Tiles(len(difficulties), edge, numbers)
+    return Field(np.concatenate(starts), CLEARING * scale.length, tiles, grid, _COLOUR)
 
 
 def _kinds(kind: str, rng: np.random.Generator) -> np.ndarray:

@@ -7,7 +7,8 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.scene import add_solid, collision_bits, unused
+from fbid_gym.robots.mjcf import unused
+from fbid_gym.robots.scene import add_solid, collision_bits
 from fbid_gym.robots.terrain.field import ENDLESS, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
