@@ -301,13 +301,9 @@ def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:
 def _joined(steps: list[Step]) -> Step:
     if len(steps) == 1:
         return steps[0]
-    return Step(
-        observation=np.concatenate([step.observation for step in steps]),
-        reward=np.concatenate([step.reward for step in steps]),
-        terminated=np.concatenate([step.terminated for step in steps]),
-        truncated=np.concatenate([step.truncated for step in steps]),
-        info={n: np.concatenate([step.info[n] for step in steps]) for n in _shared(steps)},
-    )
+    info = {n: np.concatenate([step.info[n] for step in steps]) for n in _shared(steps)}
+    whole = map(np.concatenate, zip(*(step[:-1] for step in steps), strict=True))
+    return Step._make((*whole, info))
 
 
 def _shared(steps: list[Step]) -> list[str]:

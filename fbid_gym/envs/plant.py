@@ -52,16 +52,12 @@ class Plant:
         self._apart = randomisation.any or estimate is not None
         if not self._apart:
             return
-        simulation.loop = LoopDelay.of(
-            count,
-            simulation.robot.num_joints,
-            simulation.loop.control_hz,
-            randomisation.loop_delay[1],
-        )
-        model = without_contact(simulation.robot)
+        robot, hz, longest = simulation.robot, simulation.loop.control_hz, randomisation.loop_delay
+        simulation.loop = LoopDelay.of(count, robot.num_joints, hz, longest[1])
+        model = without_contact(robot)
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
-        self._live = LiveTerms(simulation.robot, self._believed)
+        self._live = LiveTerms(robot, self._believed)
         self._qpos, self._qvel = self._believed.bind("qpos"), self._believed.bind("qvel")
         self._terms: DynamicsTerms
         self._seen = -1  # `Simulation.changes` when they were computed
@@ -74,7 +70,7 @@ class Plant:
             "mass": np.ones(bodies),
             "com": np.zeros((*bodies, 3)),
             "friction": np.ones(count),
-            "motor_strength": np.ones((count, simulation.robot.num_joints)),
+            "motor_strength": np.ones((count, robot.num_joints)),
             "action_delay": self.action_delay,
             "model_mass": np.ones(bodies),
             "model_com": np.zeros((*bodies, 3)),
@@ -154,11 +150,10 @@ class Plant:
         """Return the terms of the controllers' model, where they believe the robots to be."""
         if not self._apart:
             return self._simulation.terms()
-        if self._seen == self._simulation.changes:
-            return self._terms
-        self._qpos[:], self._qvel[:] = self._where
-        self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        self._seen, self._terms = self._simulation.changes, self._live()
+        if self._seen != self._simulation.changes:
+            self._qpos[:], self._qvel[:] = self._where
+            self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+            self._seen, self._terms = self._simulation.changes, self._live()
         return self._terms
 
     def state_dict(self) -> dict[str, np.ndarray]:

@@ -160,7 +160,8 @@ class Simulation:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
         write_controls(self._wiring, torque)
-        self._advance(ids)
+        self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
+        self.note_change()
         self.contact_force[:] = self._sensors
 
     def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
@@ -182,10 +183,6 @@ class Simulation:
         self.note_change()
         read(self._wiring, effort, state)
 
-    def _advance(self, ids: np.ndarray | None) -> None:
-        self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
-        self.note_change()
-
     def note_change(self, ids: np.ndarray | slice = _ALL) -> None:
         """Have what depends on states of robots computed anew: for who writes to `qpos`, `qvel`."""
         self._stale[ids], self._terms = True, None
@@ -201,27 +198,25 @@ class Simulation:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""
-        state = {name: self.batch.bind(name).copy() for name in _STATE}
-        state |= {name: value.copy() for name, value in self._actuation().items()}
-        return state | {"contact_force": self.contact_force.copy()}
+        return {name: value.copy() for name, value in self._arrays().items()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a `state_dict`, bit for bit."""
-        for name in _STATE:
-            self.batch.bind(name)[:] = state[name]
-        for name, value in self._actuation().items():
+        for name, value in self._arrays().items():
             value[:] = state[name]
         self.batch.forward(stage=_VELOCITY)
         hush(self.batch, np.arange(self.num_robots))
-        self.contact_force[:] = state["contact_force"]
         self.note_change()
 
-    def _actuation(self) -> dict[str, np.ndarray]:
-        """What goes on between layer and joints, by its name in a state; live."""
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """All that the future depends on, by its name in a state; live."""
         motors = {} if self.motors is None else self.motors._asdict()
         waiting = self.loop.arrays if self.loop.most_ticks else {}
-        return {f"motor_{name}": value for name, value in motors.items()} | {
-            f"loop_{name}": value for name, value in waiting.items()
+        return {
+            **{name: self.batch.bind(name) for name in _STATE},
+            **{f"motor_{name}": value for name, value in motors.items()},
+            **{f"loop_{name}": value for name, value in waiting.items()},
+            "contact_force": self.contact_force,
         }
 
 

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from fbid_gym.__main__ import called
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.checks import check_choices
 from fbid_gym.exit_status import exit_status
 from fbid_gym.policy.shipping import shipped
 
@@ -26,9 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _show(asked: Sequence[str]) -> None:
     known = {each.name: each for each in shipped()}
-    for name in asked:
-        if name not in known:
-            raise UnknownOptionError("shipped policy", name, known or ("none",))
+    check_choices("shipped policy", asked, known)
     for name in known if not asked else ():
         print(name)
     for name in asked:

@@ -24,22 +24,14 @@ from fbid_gym.policy.card import Card
 from fbid_gym.policy.policy_file import FORMAT, place_of, read_policy
 
 
-def _elu(x: np.ndarray) -> np.ndarray:
-    return np.maximum(x, 0) + np.expm1(np.minimum(x, 0))
-
-
 def _within(x: np.ndarray, most: float) -> np.ndarray:
     return np.minimum(np.maximum(x, -most), most)
 
 
-def _relu(x: np.ndarray) -> np.ndarray:
-    return np.maximum(x, 0)
-
-
 ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
-    "relu": _relu,
-    "elu": _elu,
+    "relu": lambda x: np.maximum(x, 0),
+    "elu": lambda x: np.maximum(x, 0) + np.expm1(np.minimum(x, 0)),
 }
 
 OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
