@@ -34,38 +34,28 @@ class TorqueSense(NamedTuple):
         return cls(joint, 6 if soles else 3, damping.astype(float), tick, follow)
 
 
-@kernel
-def find_loads(
-    own: TorqueSense,
-    terms: DynamicsTerms,
-    torque: np.ndarray,
-    before: np.ndarray,
-    after: np.ndarray,
-    load: np.ndarray,
-) -> None:
-    """Find the vertical forces on the feet of N robots over a tick.
+class Felt(NamedTuple):
+    """What N robots know of a tick."""
 
-    Args:
-        own: constants.
-        terms: at its beginning, as the robots believe.
-        torque: (N, n) N·m, of the motors in it.
-        before: (N, nv) velocities at its beginning, as measured, and
-        after: at its end.
-        load: (N, F) N; updated.
-    """
+    terms: DynamicsTerms  # at its beginning, as they believe
+    torque: np.ndarray  # (N, n) N·m, of the motors in it
+    before: np.ndarray  # (N, nv) velocities at its beginning, as measured
+    after: np.ndarray  # (N, nv) at its end
+
+
+@kernel
+def find_loads(own: TorqueSense, felt: Felt, load: np.ndarray) -> None:
+    """Find the vertical forces on the feet of N robots over a tick: `load` (N, F) N is updated."""
     matrix, force = np.empty((own.rows, own.rows)), np.empty(own.rows)
-    rest = np.empty(torque.shape[1])
+    rest = np.empty(felt.torque.shape[1])
     for i in range(len(load)):
-        _find(own, terms, torque, before, after, load, matrix, force, rest, i)
+        _find(own, felt, load, matrix, force, rest, i)
 
 
 @compiled
 def _find(
     own: TorqueSense,
-    terms: DynamicsTerms,
-    torque: np.ndarray,
-    before: np.ndarray,
-    after: np.ndarray,
+    felt: Felt,
     load: np.ndarray,
     matrix: np.ndarray,
     force: np.ndarray,
@@ -73,6 +63,7 @@ def _find(
     i: int,
 ) -> None:
     """Find those of one robot; `matrix`, `force` and `rest` are buffers."""
+    terms, torque, before, after = felt
     size, joints = before.shape[1], len(rest)
     for j in range(joints):
         total = terms.bias[i, 6 + j] - torque[i, j] + own.damping[j] * after[i, 6 + j]

@@ -1,5 +1,7 @@
 """Correction: where standing feet are seen tells of all errors; and the state it comes to."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
@@ -26,50 +28,47 @@ from fbid_gym.estimation.restart import begin_anew, has_gone_wrong
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.quantities import RobotState
 
+_Turn = tuple[Rotation, Vector, float, float]  # and its vector, versine and rest, see `_move`
+
+
+class _Work(NamedTuple):
+    """Buffers for the correction of one robot, whose legs have at most K joints."""
+
+    axis: np.ndarray  # (K, 3) axes of a leg's joints
+    arm: np.ndarray  # (K, 3) columns of the Jacobian of its foot's centre
+    noise: np.ndarray  # (3, 3) m^2, covariance of where that is seen
+    column: np.ndarray  # (3, 15 + 3F), H P
+    error: np.ndarray  # (15 + 3F,), what is known of (xi, zeta)
+    fresh: np.ndarray  # (F,) bool, feet to be added
+
 
 @kernel
 def update(
     own: Filter, legs: Legs, readings: Readings, which: np.ndarray, belief: Belief, seen: RobotState
 ) -> None:
-    """Go on with the estimate by a tick, and write it as a robot's state.
+    """Go on with the estimate of robots `which` (N,) bool by a tick, and write it as their state.
 
     It is predicted, but for robots that are lost, and corrected by where standing feet are seen.
-
-    Args:
-        own: constants.
-        legs: of the robots.
-        readings: of the robots.
-        which: (N,) bool, robots to go on with.
-        belief: updated.
-        seen: the state that it means, without the tick; written.
+    The belief is updated; `seen`, the state that it means, is written without the tick.
     """
     predict(own, readings, which, belief)
     joints, feet = legs.joint.shape[1], legs.joint.shape[0]
     size = D + 3 * feet
     axis, arm = np.empty((joints, 3)), np.empty((joints, 3))
     noise, column, error = np.empty((3, 3)), np.empty((3, size)), np.empty(size)
-    fresh = np.empty(feet, np.bool_)
+    work = _Work(axis, arm, noise, column, error, np.empty(feet, np.bool_))
     for i in range(len(which)):
         if which[i]:
-            _correct(own, legs, readings, belief, axis, arm, noise, column, error, fresh, i)
+            _correct(own, legs, readings, belief, work, i)
             write_state(own, readings, belief, seen, i)
 
 
 @compiled
 def _correct(
-    own: Filter,
-    legs: Legs,
-    readings: Readings,
-    belief: Belief,
-    axis: np.ndarray,
-    arm: np.ndarray,
-    noise: np.ndarray,
-    column: np.ndarray,
-    error: np.ndarray,
-    fresh: np.ndarray,
-    i: int,
+    own: Filter, legs: Legs, readings: Readings, belief: Belief, work: _Work, i: int
 ) -> None:
-    """Correct one robot; the arrays from `axis` to `fresh` are buffers."""
+    """Correct one robot."""
+    axis, arm, _, _, error, fresh = work
     doubt = 0.0
     for k in range(V, V + 3):
         doubt = max(doubt, belief.covariance[i, k, k])
@@ -94,8 +93,8 @@ def _correct(
             roll(legs, turn(rotation, add(rate, spin)), seconds, belief, i, foot)
             if readings.fresh[i]:
                 stood += 1
-                away = _see(own, legs, rotation, foot, centre, arm, noise)
-                if not _measure(own, away, noise, column, error, belief, i, foot):
+                away = _see(own, legs, rotation, foot, centre, work)
+                if not _measure(own, away, work, belief, i, foot):
                     slipped += 1
                     fresh[foot] = True
     belief.slipped[i] = belief.slipped[i] + 1 if stood > 0 and slipped == stood else 0
@@ -106,8 +105,8 @@ def _correct(
     for foot in range(feet):
         if fresh[foot]:
             centre, _ = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
-            away = _see(own, legs, rotation, foot, centre, arm, noise)
-            add_foot(away, noise, belief, i, foot, P, D)
+            away = _see(own, legs, rotation, foot, centre, work)
+            add_foot(away, work.noise, belief, i, foot, P, D)
 
 
 @compiled
@@ -119,15 +118,10 @@ def roll(legs: Legs, spin: Vector, seconds: float, belief: Belief, i: int, foot:
 
 @compiled
 def _see(
-    own: Filter,
-    legs: Legs,
-    rotation: Rotation,
-    foot: int,
-    centre: Vector,
-    arm: np.ndarray,
-    noise: np.ndarray,
+    own: Filter, legs: Legs, rotation: Rotation, foot: int, centre: Vector, work: _Work
 ) -> Vector:
     """Return where a foot is seen from the unit, world axes; writes the covariance of that."""
+    arm, noise = work.arm, work.noise
     for j in range(3):
         for k in range(3):
             noise[j, k] = own.placing if j == k else 0.0
@@ -142,23 +136,14 @@ def _see(
 
 
 @compiled
-def _measure(
-    own: Filter,
-    away: Vector,
-    noise: np.ndarray,
-    column: np.ndarray,
-    error: np.ndarray,
-    belief: Belief,
-    i: int,
-    foot: int,
-) -> bool:
+def _measure(own: Filter, away: Vector, work: _Work, belief: Belief, i: int, foot: int) -> bool:
     """Learn from a standing foot, H = (… 1 at p … -1 at d …); False if it has slipped.
 
     With S = H P H^T + N = L L^T and W = L^-1 H P, the covariance loses W^T W. The estimate moves
     when all feet have told: until then `error` sums up what is known of xi.
     """
     covariance, row = belief.covariance[i], D + 3 * foot
-    size = len(covariance)
+    size, noise, column, error = len(covariance), work.noise, work.column, work.error
     for axis in range(3):
         for k in range(size):
             column[axis, k] = covariance[P + axis, k] - covariance[row + axis, k]
@@ -203,17 +188,18 @@ def _innovation(column: np.ndarray, noise: np.ndarray, row: int, j: int) -> Vect
 def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
     """Take a known error out of the estimate: X = Exp(-xi) X, bias = bias - zeta."""
     by = (-error[0], -error[1], -error[2])
-    turned, angle = turning(by), np.sqrt(dot(by, by))
+    angle = np.sqrt(dot(by, by))
     if angle < 1e-6:
         versine, rest = 0.5, 1.0 / 6.0
     else:
         versine = (1.0 - np.cos(angle)) / (angle * angle)
         rest = (angle - np.sin(angle)) / (angle * angle * angle)
-    _move(error, V, by, versine, rest, turned, belief.velocity, (i,))
-    _move(error, P, by, versine, rest, turned, belief.position, (i,))
+    how = turning(by), by, versine, rest
+    _move(error, V, how, belief.velocity, (i,))
+    _move(error, P, how, belief.position, (i,))
     for foot in range(belief.foot.shape[1]):
         if belief.standing[i, foot]:
-            _move(error, D + 3 * foot, by, versine, rest, turned, belief.foot, (i, foot))
+            _move(error, D + 3 * foot, how, belief.foot, (i, foot))
     turn_quaternion(belief.quaternion, i, 0, by)
     for axis in range(3):
         belief.gyroscope_bias[i, axis] -= error[BG + axis]
@@ -222,19 +208,13 @@ def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
 
 @compiled
 def _move(
-    error: np.ndarray,
-    first: int,
-    by: Vector,
-    versine: float,
-    rest: float,
-    turned: Rotation,
-    values: np.ndarray,
-    row: tuple[int, ...],
+    error: np.ndarray, first: int, how: _Turn, values: np.ndarray, row: tuple[int, ...]
 ) -> None:
     """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3).
 
     With t the vector `by`, that is 1 + versine [t] + rest [t]^2.
     """
+    turned, by, versine, rest = how
     shift = (-error[first], -error[first + 1], -error[first + 2])
     once = cross(by, shift)
     shift = add(shift, add(scale(versine, once), scale(rest, cross(by, once))))

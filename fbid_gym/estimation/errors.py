@@ -40,24 +40,14 @@ def find_errors(
     threshold: float,
     contact: np.ndarray,
 ) -> Errors:
-    """Compare where robots are with where they believe to be.
+    """Compare where robots are with where they believe to be, `seen`.
 
-    Args:
-        actual: where they are.
-        seen: what they believe.
-        foot_of_point: (P,) int64.
-        threshold: N, on a foot that stands.
-        contact: (N, F) bool, which feet are told to.
+    A foot with its points, `foot_of_point` (P,) int64, stands on more than the threshold, N; which
+    feet are told to, `contact` (N, F) bool says.
     """
     count, feet = contact.shape
-    errors = Errors(
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.zeros(count),
-    )
+    rows = np.zeros((6, count))
+    errors = Errors(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5])
     _compare(actual, seen, foot_of_point, threshold, contact, errors, np.empty(feet))
     return errors
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
-from fbid_gym.estimation.contact_torques import TorqueSense, find_loads
+from fbid_gym.estimation.contact_torques import Felt, TorqueSense, find_loads
 from fbid_gym.estimation.correction import update
 from fbid_gym.estimation.filter_constants import filter_of
 from fbid_gym.estimation.invariant_filter import Belief
@@ -66,9 +66,7 @@ class Estimator:
     def begin(self, ids: np.ndarray, qpos: np.ndarray) -> None:
         """Begin with the first readings of robots `ids` (K,), which rest.
 
-        Args:
-            ids: the robots.
-            qpos: (K, nq), of which they know the base's place and heading.
+        Of qpos (K, nq) they know the base's place and heading.
         """
         belief, mounting = self.belief, self.mounting
         counts = belief.slipped, belief.age, belief.refused, belief.restarts
@@ -90,11 +88,7 @@ class Estimator:
             self._terms = terms()
 
     def update(self, torque: np.ndarray) -> None:
-        """Go on by the readings at the end of a control tick.
-
-        Args:
-            torque: (N, n) N·m, of the motors in the tick.
-        """
+        """Go on by the readings at the end of a control tick, and its motors' torque (N, n) N·m."""
         if self._torque_sense is not None:
             self._feel(self._torque_sense, torque, self._terms)
         own, legs = self._filter, self._legs
@@ -110,7 +104,8 @@ class Estimator:
         push[:, 2] -= self._filter.gravity
         moved = before[:, :3] + push * own.tick
         after = np.concatenate([moved, spin, readings.rate], axis=1)
-        find_loads(own, terms, np.ascontiguousarray(torque), before, after, self._loads)
+        felt = Felt(terms, np.ascontiguousarray(torque), before, after)
+        find_loads(own, felt, self._loads)
         readings.load[:] = self._loads
 
     @property

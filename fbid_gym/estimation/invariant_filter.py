@@ -89,25 +89,15 @@ class Belief(NamedTuple):
     @classmethod
     def none(cls, count: int, feet: int, size: int) -> "Belief":
         """Of robots of which nothing is known; `size` that of the covariance."""
-        vectors = np.zeros((6, count, 3))
-        quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-        slipped, age, refused, restarts = np.zeros((4, count), np.int64)
+        vectors = "velocity", "position", "gyroscope_bias", "accelerometer_bias", "felt", "origin"
         return cls(
-            quaternion=quaternion,
-            velocity=vectors[0],
-            position=vectors[1],
-            gyroscope_bias=vectors[2],
-            accelerometer_bias=vectors[3],
+            quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
             foot=np.zeros((count, feet, 3)),
             standing=np.zeros((count, feet), bool),
             covariance=np.zeros((count, size, size)),
-            felt=vectors[4],
-            origin=vectors[5],
             lost=np.ones(count, bool),
-            slipped=slipped,
-            age=age,
-            refused=refused,
-            restarts=restarts,
+            **{name: np.zeros((count, 3)) for name in vectors},
+            **{n: np.zeros(count, np.int64) for n in ("slipped", "age", "refused", "restarts")},
         )
 
 

@@ -25,11 +25,7 @@ from fbid_gym.estimation.sensing import Readings
 def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) -> None:
     """Integrate what the inertial unit read over a tick, and how errors grow in it.
 
-    Args:
-        own: constants.
-        readings: of the robots.
-        which: (N,) bool, robots to go on with.
-        belief: updated.
+    Updates the belief of robots `which` (N,) bool, unless they are lost.
     """
     for i in range(len(which)):
         if which[i] and not belief.lost[i]:
@@ -82,7 +78,7 @@ def _spread(own: Filter, middle: Rotation, belief: Belief, i: int) -> None:
             pushed = turn(middle, vector(covariance, (k,), BA))
             turned, moved = vector(covariance, (k,), R), vector(covariance, (k,), V)
             rows = turned, moved, vector(covariance, (k,), P)
-            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            turned, moved, place = _flow(own, velocity, position, bias, pushed, rows)
             store(turned, covariance, (k,), R)
             store(moved, covariance, (k,), V)
             store(place, covariance, (k,), P)
@@ -98,7 +94,7 @@ def _spread(own: Filter, middle: Rotation, belief: Belief, i: int) -> None:
             bias = add(turn(middle, _column(covariance, BG, k)), noise)
             pushed = turn(middle, _column(covariance, BA, k))
             rows = _column(covariance, R, k), _column(covariance, V, k), _column(covariance, P, k)
-            turned, moved, place = _flow(own.gravity, dt, velocity, position, bias, pushed, rows)
+            turned, moved, place = _flow(own, velocity, position, bias, pushed, rows)
             _store_both(turned, covariance, R, k)
             _store_both(moved, covariance, V, k)
             _store_both(place, covariance, P, k)
@@ -138,21 +134,15 @@ def _turned(velocity: Vector, position: Vector, feet: np.ndarray, k: int) -> Vec
 
 @compiled
 def _flow(
-    gravity: float,
-    dt: float,
-    velocity: Vector,
-    position: Vector,
-    bias: Vector,
-    pushed: Vector,
-    before: Rotation,
+    own: Filter, velocity: Vector, position: Vector, bias: Vector, pushed: Vector, before: Rotation
 ) -> Rotation:
     """Apply Phi to the errors of rotation, velocity and place, three vectors.
 
     `bias` and `pushed` are what the biases of gyroscope and accelerometer come to in that time.
     """
-    turned, moved, place = before
+    (turned, moved, place), dt = before, own.every * own.tick
     # [g] xi with g = (0, 0, -gravity).
-    fall = (gravity * turned[1], -gravity * turned[0], 0.0)
+    fall = (own.gravity * turned[1], -own.gravity * turned[0], 0.0)
     place = add(add(place, scale(dt, moved)), scale(0.5 * dt * dt, fall))
     place = subtract(subtract(place, scale(0.5 * dt, pushed)), cross(position, bias))
     moved = subtract(subtract(add(moved, scale(dt, fall)), pushed), cross(velocity, bias))

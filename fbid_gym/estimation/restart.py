@@ -10,13 +10,9 @@ from fbid_gym.estimation.invariant_filter import BA, BG, Belief, Filter, R, V, s
 
 @compiled
 def has_gone_wrong(own: Filter, belief: Belief, vague: float, i: int) -> bool:
-    """Whether an estimate can no longer be trusted; then it begins anew, and counts that.
+    """Whether an estimate can no longer be trusted; then it begins anew, and `restarts` count that.
 
-    Args:
-        own: constants.
-        belief: of the robots; its `restarts` are updated.
-        vague: m^2/s^2, variance of the velocity.
-        i: which robot.
+    The variance of the velocity is `vague`, m^2/s^2.
     """
     velocity = vector(belief.velocity, (i,))
     square = dot(velocity, velocity)

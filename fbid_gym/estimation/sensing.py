@@ -132,14 +132,9 @@ def instruments_of(
 def sense(
     own: Instruments, state: RobotState, which: np.ndarray, wear: Wear, readings: Readings
 ) -> None:
-    """Read the sensors of robots, and hand over what has arrived by now.
+    """Read the sensors of robots `which` (N,) bool, and hand over what has arrived by now.
 
-    Args:
-        own: the sensors.
-        state: of the robots themselves.
-        which: (N,) bool, robots that are read.
-        wear: of their sensors; updated.
-        readings: that have arrived; written.
+    The state is the robots' own. Their wear is updated, their readings are written.
     """
     for i in range(len(which)):
         if which[i]:

@@ -98,14 +98,10 @@ class Sensors:
     def __post_init__(self) -> None:
         """Check each value."""
         check_fields(self, "sensors {}")
-        for name in ("imu", "encoder", "contact"):
-            longest = getattr(self, f"{name}_latency")[1]
-            if longest > LONGEST_LATENCY:
-                raise InvalidValueError(
-                    f"sensors {name}_latency",
-                    getattr(self, f"{name}_latency"),
-                    f"at most {LONGEST_LATENCY:g} s: no older reading is remembered",
-                )
+        expected = f"at most {LONGEST_LATENCY:g} s: no older reading is remembered"
+        for name in ("imu_latency", "encoder_latency", "contact_latency"):
+            if getattr(self, name)[1] > LONGEST_LATENCY:
+                raise InvalidValueError(f"sensors {name}", getattr(self, name), expected)
 
     def every(self, name: str, control_hz: int) -> int:
         """Return control ticks from one reading to the next, of "imu", "encoder" or "contact".
@@ -113,13 +109,10 @@ class Sensors:
         Raises:
             InvalidValueError: a rate that does not divide that of the control.
         """
-        rate = getattr(self, f"{name}_rate")
-        if rate is None:
-            return 1
+        rate = getattr(self, f"{name}_rate") or control_hz
         if control_hz % rate:
-            raise InvalidValueError(
-                f"sensors {name}_rate", rate, f"a divisor of control_hz = {control_hz}"
-            )
+            expected = f"a divisor of control_hz = {control_hz}"
+            raise InvalidValueError(f"sensors {name}_rate", rate, expected)
         return int(control_hz // rate)
 
     def follow(self, control_hz: int) -> float:
