@@ -38,7 +38,7 @@ from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, plane
 from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
 from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
-from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
+from fbid_gym.robots.terrain.patches import PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
 from fbid_gym.robots.terrain.sizes import START_SPACING
 
@@ -132,32 +132,22 @@ def check_height(name: str, height: float | None) -> None:
         InvalidValueError: it is.
     """
     if name in LEVELLED and height is not None:
-        raise InvalidValueError(
-            "terrain_height",
-            height,
-            f"none on terrain {name!r}, whose size follows difficulty and the robot's size",
-        )
+        expected = f"none on terrain {name!r}, whose size follows difficulty and the robot's size"
+        raise InvalidValueError("terrain_height", height, expected)
 
 
 def hardest(kind: str, robot: Robot) -> float:
-    """Return what difficulty 1 of a kind of patch means for a robot.
+    """Return what difficulty 1 of a kind of patch means for a robot's feet; lower ones, less of it.
 
-    Lower difficulties mean as much less.
-
-    Args:
-        kind: one of `LEVELLED` but "mixed".
-        robot: for its feet.
-
-    Returns:
-        The tangent of slopes; otherwise the height of the highest step, in heights of the centre of
-        mass at home.
+    That is the tangent of slopes; otherwise the height of the highest step, in heights of the
+    centre of mass at home.
 
     Raises:
-        UnknownOptionError: no such kind.
+        UnknownOptionError: no such kind, which are those of `LEVELLED` but "mixed".
     """
-    if kind not in HARDEST:
-        raise UnknownOptionError("kind of patch", kind, HARDEST)
-    return _scale(robot).reach * HARDEST[kind]
+    if kind not in PATCHES:
+        raise UnknownOptionError("kind of patch", kind, PATCHES)
+    return _scale(robot).reach * PATCHES[kind].hardest
 
 
 def world_of(robot: Robot, terrain: Terrain) -> mujoco.MjSpec:

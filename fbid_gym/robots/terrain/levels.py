@@ -46,7 +46,7 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
         for row in range(_PATCHES):
             for column in range(_PATCHES):
                 first = row * nodes, (level * _PATCHES + column) * nodes
-                part = PATCHES[kinds[row, column]](places, float(difficulty), rng)
+                part = PATCHES[kinds[row, column]].make(places, float(difficulty), rng)
                 block = tuple(slice(start, start + nodes + 1) for start in first)
                 whole[block] = np.maximum(whole[block], part)
     cell, edge = EDGE / nodes * scale.length, _PATCHES * EDGE * scale.length

@@ -80,23 +80,16 @@ class Obstacles:
 def random_obstacles(
     reach: float, height: float, starts: np.ndarray, rng: np.random.Generator
 ) -> Obstacles:
-    """Lay planks about.
+    """Lay planks about, from half of that height, m, to all of it, for a robot of that reach, m.
 
-    Args:
-        reach: m, of the robot.
-        height: m, of the tallest; the lowest has half of it.
-        starts: (K, 2) m, places to keep free.
-        rng: decides where they lie.
+    The places to start from (K, 2) m are kept free.
     """
     size, clearing = HALF_SIZE * reach, CLEARING * reach
     count = round(_PLANKS_PER_AREA * (2 * HALF_SIZE) ** 2)
     centre = rng.uniform(-size, size, (count, 2))
     heading = rng.uniform(-np.pi, np.pi, count)
-    half = (
-        0.5
-        * reach
-        * np.stack([rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)], axis=1)
-    )
+    sizes = [rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)]
+    half = 0.5 * reach * np.stack(sizes, axis=1)
     top = rng.uniform(0.5 * height, height, count)
 
     # Away with planks that reach into a clearing.

@@ -107,23 +107,21 @@ def _beyond_clearing(places: Places) -> np.ndarray:
     return np.clip(2.0 * (np.hypot(places.x, places.y) - CLEARING - 0.2), 0.0, 1.0)
 
 
-Patch = Callable[[Places, float, np.random.Generator], np.ndarray]
+class Patch(NamedTuple):
+    """A kind of patch."""
 
-PATCHES: dict[str, Patch] = {
-    "slopes": _slopes,
-    "roughness": _roughness,
-    "stairs": _stairs,
-    "planks": _planks,
-    "gaps": _gaps,
-}
-"""Name of a kind -> (places, difficulty, generator) -> elevation (R, R) in heights of the CoM."""
+    # (places, difficulty, generator) -> elevation (R, R) in heights of the centre of mass
+    make: Callable[[Places, float, np.random.Generator], np.ndarray]
+    # Tangent of its slopes, or height of its highest step, in heights of the centre of mass, at
+    # difficulty 1 and for feet that clear one with ease.
+    hardest: float
 
-HARDEST: dict[str, float] = {
-    "slopes": float(_STEEPEST),
-    "roughness": _BUMP,
-    "stairs": _STEP,
-    "planks": _PLANK,
-    "gaps": _DEPTH,
+
+PATCHES = {
+    "slopes": Patch(_slopes, float(_STEEPEST)),
+    "roughness": Patch(_roughness, _BUMP),
+    "stairs": Patch(_stairs, _STEP),
+    "planks": Patch(_planks, _PLANK),
+    "gaps": Patch(_gaps, _DEPTH),
 }
-"""Name of a kind -> tangent of its slopes, or height of its highest step, in heights of the CoM, at
-difficulty 1 and for feet that clear one with ease."""
+"""Kinds of patches by name."""

@@ -17,13 +17,9 @@ _COLOUR = (0.55, 0.54, 0.52)
 def random_rocks(
     reach: float, height: float, starts: np.ndarray, rng: np.random.Generator
 ) -> Field:
-    """Lay stones about.
+    """Lay stones about, the tallest of that height, m, for a robot of that reach, m.
 
-    Args:
-        reach: m, of the robot.
-        height: m, of the tallest.
-        starts: (K, 2) m, places to keep free.
-        rng: decides where they lie.
+    The places to start from (K, 2) m are kept free.
     """
     size, clearing = HALF_SIZE * reach, CLEARING * reach
     nodes = 2 * round(HALF_SIZE / _CELL) + 1
