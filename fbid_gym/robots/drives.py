@@ -111,13 +111,9 @@ class Drives(NamedTuple):
 
 @compiled
 def least_and_most(line: TorqueLine, j: int, speed: float, stretch: float) -> tuple[float, float]:
-    """Return the torques between which motor j can give any, N·m.
+    """Return the torques between which the motor of joint j can give any at its speed: N·m, rad/s.
 
-    Args:
-        line: of the motors.
-        j: which joint.
-        speed: rad/s, of it.
-        stretch: factor on the line's speeds, as of a battery's voltage.
+    The line's speeds are multiplied by `stretch`, as by a battery's voltage.
     """
     beyond = (abs(speed) / stretch - line.full_speed[j]) * line.fading[j]
     driving = line.torque[j] * min(1.0, max(0.0, 1.0 - beyond))
@@ -126,9 +122,7 @@ def least_and_most(line: TorqueLine, j: int, speed: float, stretch: float) -> tu
 
 def torque_line(robot: Robot) -> TorqueLine:
     """Return the torque-speed line of a robot's motors."""
-    if robot.drives is not None:
-        return robot.drives.line
-    return TorqueLine(robot.torque_limit.copy(), *np.zeros((2, robot.num_joints)))
+    return drives_of(robot).line
 
 
 def drives_of(robot: Robot) -> Drives:
@@ -136,7 +130,8 @@ def drives_of(robot: Robot) -> Drives:
     if robot.drives is not None:
         return robot.drives
     none, forever = np.zeros(robot.num_joints), np.full(robot.num_joints, np.inf)
-    return Drives(torque_line(robot), none, forever, 1.0, np.inf, none, none)
+    line = TorqueLine(robot.torque_limit.copy(), *np.zeros((2, robot.num_joints)))
+    return Drives(line, none, forever, 1.0, np.inf, none, none)
 
 
 def check_motors(motors: Any) -> None:
