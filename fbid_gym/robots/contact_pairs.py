@@ -30,10 +30,7 @@ def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile a world whose contact pairs are named beforehand, if all of them are with planes.
 
     Which pairs there are and how they touch is what MuJoCo makes of the geoms. Contacts are the
-    same, and the motion. Any other world is compiled as it is.
-
-    Args:
-        spec: the world; geoms without a name are given one.
+    same, and the motion. Any other world is compiled as it is. Geoms without a name are given one.
     """
     for index, geom in enumerate(spec.geoms):
         geom.name = geom.name or f"fbid_geom_{index}"

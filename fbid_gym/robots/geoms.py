@@ -28,7 +28,9 @@ def offscreen(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer
 
 def add_ball(scene: mujoco.MjvScene, place: np.ndarray, radius: float, colour: Colour) -> None:
     """Add a ball at a place (3,) m."""
-    _add(scene, _GEOM.mjGEOM_SPHERE, np.full(3, radius), place, colour)
+    geom = _next(scene, _GEOM.mjGEOM_SPHERE, colour)
+    if geom is not None:
+        geom.pos[:], geom.size[:] = place, radius
 
 
 def add_line(
@@ -62,22 +64,17 @@ def _connect(
     width: float,
     colour: Colour,
 ) -> mujoco.MjvGeom | None:
-    geom = _add(scene, kind, np.zeros(3), np.zeros(3), colour)
+    geom = _next(scene, kind, colour)
     if geom is not None:
         mujoco.mjv_connector(geom, kind, width, start, end)
     return geom
 
 
-def _add(
-    scene: mujoco.MjvScene,
-    kind: mujoco.mjtGeom,
-    size: np.ndarray,
-    place: np.ndarray,
-    colour: Colour,
-) -> mujoco.MjvGeom | None:
+def _next(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: Colour) -> mujoco.MjvGeom | None:
+    """The next geom of a scene, at its origin; None where it is full."""
     if scene.ngeom >= scene.maxgeom:
         return None
-    geom = scene.geoms[scene.ngeom]
-    mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), np.array(colour, np.float32))
+    geom, nowhere, axes = scene.geoms[scene.ngeom], np.zeros(3), np.eye(3).ravel()
+    mujoco.mjv_initGeom(geom, kind, nowhere, nowhere, axes, np.array(colour, np.float32))
     scene.ngeom += 1
     return geom

@@ -18,10 +18,8 @@ def once_for_robot(
 ) -> Callable[Concatenate[Robot, P], Found]:
     """Keep what a function finds of a robot, for as long as the robot lives.
 
-    `functools.lru_cache` would keep robots alive, their meshes and worlds with them.
-
-    Args:
-        measure: takes a robot, and what else can be hashed.
+    `functools.lru_cache` would keep robots alive, their meshes and worlds with them. What it takes
+    beside the robot can be hashed.
     """
 
     def measure_once(robot: Robot, *rest: P.args, **options: P.kwargs) -> Found:

@@ -12,20 +12,13 @@ import numpy as np
 
 from fbid_gym.bundles import write_file
 from fbid_gym.errors import InvalidValueError, RobotError
-from fbid_gym.robots import archive, home_check, mjcf
+from fbid_gym.robots import archive, home_check, mjcf, motors
 from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors, sensor_columns
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up, unspecified
 from fbid_gym.robots.measured_model import LEGS, MeasuredModel
-from fbid_gym.robots.motors import (
-    ServoGains,
-    motor_of_each_joint,
-    servo_gains,
-    set_armature,
-    use_motors,
-)
 from fbid_gym.robots.normalise import exclude_overlaps, normalise, simulate_well
 from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.source import RobotSource, Source
@@ -87,7 +80,7 @@ class Robot:
     contact_sensor: np.ndarray
     mass: float
     notes: tuple[str, ...] = ()
-    servo_gains: ServoGains | None = None
+    servo_gains: motors.ServoGains | None = None
     drives: "Drives | None" = None
 
     _made: ClassVar[tuple[Callable[..., "Robot"], tuple[Any, ...]] | None] = None
@@ -330,11 +323,11 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
     # Bodies, joints and actuators keep their ids, but are not told them once something is added.
     bodies = {body.id: body for body in spec.bodies}
     joint_names = mjcf.name_joints(spec, plain)
-    gains = servo_gains(plain)
+    gains = motors.servo_gains(plain)
     notes += simulate_well(spec)
-    notes += set_armature(spec, by_joint("armature", given["armature"], joint_names))
+    notes += motors.set_armature(spec, by_joint("armature", given["armature"], joint_names))
     limits = by_joint("torque_limit", given["torque_limit"], joint_names)
-    notes += use_motors(spec, plain, limits)
+    notes += motors.use_motors(spec, plain, limits)
 
     start = MeasuredModel(plain, home_pose(plain, joint_names, home))
     qpos, found = start.qpos, find_feet(start, named)
@@ -361,7 +354,7 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
     add_ground(spec, at_home, bodies[base_body], found)
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
-    actuator, gear, limit = motor_of_each_joint(model)
+    actuator, gear, limit = motors.motor_of_each_joint(model)
     refuse_diverging(MeasuredModel(model, at_home.qpos), source.label)
     own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
     robot = Robot(

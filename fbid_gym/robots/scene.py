@@ -108,10 +108,8 @@ def add_ground(
 
 def collision_bits(spec: mujoco.MjSpec) -> int:
     """Return the bits by which any of the geoms of a file touches another."""
-    bits = 1
-    for geom in spec.geoms:
-        bits |= geom.contype | geom.conaffinity
-    return bits
+    bits = [geom.contype | geom.conaffinity for geom in spec.geoms]
+    return int(np.bitwise_or.reduce([1, *bits]))
 
 
 def add_solid(spec: mujoco.MjSpec, bits: int, **geom: Any) -> None:

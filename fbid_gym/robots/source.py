@@ -72,12 +72,7 @@ class Source:
     @property
     def label(self) -> str:
         """What messages call it."""
-        return f"Robot file {str(self.content)!r}" if self.is_file else "The robot's description"
-
-    @property
-    def is_file(self) -> bool:
-        """Whether it is a file."""
-        return isinstance(self.content, Path)
+        return f"Robot file {str(self.content)!r}" if self.folder else "The robot's description"
 
     @property
     def folder(self) -> Path | None:
@@ -110,14 +105,12 @@ class Source:
             RobotError: MuJoCo cannot parse it, it asks for more than `bounds` allow, or the file
                 has changed.
         """
-        if self.is_file and self.known(self.content).digest != self.digest:
+        if self.folder and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
         try:
             check_bounds(self.content, self.label)
             with warnings_heard() as heard:
                 spec = self._parsed()
-        except RobotError:
-            raise
         except (ExpatError, ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error

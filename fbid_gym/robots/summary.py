@@ -9,7 +9,6 @@ from fbid_gym.robots.robot import Robot
 
 def summary(robot: Robot) -> str:
     """Describe a robot: joints, limits, feet, what was changed, what speaks against its home."""
-    limits = robot.torque_limit
     head = (
         f"{robot.name}: {robot.num_joints} joints, {robot.num_feet} feet on {robot.num_points} "
         f"points, {robot.mass:.4g} kg, base {robot.home_qpos[2]:.4g} m high at home"
@@ -21,7 +20,7 @@ def summary(robot: Robot) -> str:
         "from": _numbers(low),
         "to": _numbers(high),
         "home": _numbers(robot.home_qpos[7:]),
-        "limit": _numbers(limits),
+        "limit": _numbers(robot.torque_limit),
         "armature": _numbers(robot.model.dof_armature[6:]),
         "damping": _numbers(robot.joint_damping),
     }

@@ -166,10 +166,7 @@ def built(animal: Morphology, name: str | None = None) -> Robot:
 
 
 def drawn(name: str) -> tuple[str, ...]:
-    """Return the names of the robots that a name with a range of seeds stands for.
-
-    Args:
-        name: such as "zoo:quadruped:0-63", or "zoo:7" for one.
+    """Return the names of the robots that a name such as "zoo:quadruped:0-63" or "zoo:7" means.
 
     Raises:
         InvalidValueError: no such name, or no robots or too many.
