@@ -36,10 +36,6 @@ class OnRobot(Struct, frozen=True, forbid_unknown_fields=True):
     zero_survived: float
 
 
-def _described(one: OnRobot) -> str:
-    return f"{one.robot} ({one.mass:.3g} kg, {one.joints} joints)"
-
-
 class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Training and measured performance of a shipped policy; its file holds it."""
 
@@ -101,7 +97,8 @@ class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
              [x for x in those if x.returned < x.zero_returned]),
         ):  # fmt: skip
             if bad:
-                told.append(f"{words} {', '.join(_described(x) for x in bad)}.")
+                those_of = (f"{x.robot} ({x.mass:.3g} kg, {x.joints} joints)" for x in bad)
+                told.append(f"{words} {', '.join(those_of)}.")
         return told
 
     def expected(self, metric: str, episodes: int) -> tuple[float, float]:

@@ -119,13 +119,8 @@ class Policy:
             weights.append(_frozen(f"layers.{k}.weight", weight, (None, width), np.float32))
             width = weights[-1].shape[0]
             biases.append(_frozen(f"layers.{k}.bias", bias, (width,), np.float32))
-        for name, value in (
-            ("mean", mean),
-            ("variance", variance),
-            ("weights", tuple(weights)),
-            ("biases", tuple(biases)),
-        ):
-            object.__setattr__(self, name, value)
+        frozen = {"mean": mean, "variance": variance}
+        vars(self).update(frozen, weights=tuple(weights), biases=tuple(biases))
 
     @cached_property
     def _spread(self) -> np.ndarray:

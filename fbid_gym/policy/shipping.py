@@ -50,10 +50,7 @@ class Shipped(NamedTuple):
 
 
 def shipped(folder: Path | None = None) -> tuple[Shipped, ...]:
-    """Return the policies that come with the package, by name.
-
-    Args:
-        folder: like `assets/policies`, which is the default.
+    """Return the policies that come with the package, or in a folder like theirs, by name.
 
     Raises:
         PolicyFileError: one is damaged, or has no card.
