@@ -253,12 +253,9 @@ def _check_alike(first: EnvBatch, other: EnvBatch) -> None:
     seen = [batch.observation_names for batch in (first, other)]
     if seen[0] != seen[1]:
         only = sorted(set(seen[0]) ^ set(seen[1]))[:1] or ["their order"]
-        raise InvalidValueError(
-            "robots",
-            names,
-            "robots with one observation, such as observation='body' of as many feet; these differ "
-            f"in {only[0]!r} ({len(seen[0])} and {len(seen[1])} entries)",
-        )
+        expected = "robots with one observation, such as observation='body' of as many feet; these"
+        expected += f" differ in {only[0]!r} ({len(seen[0])} and {len(seen[1])} entries)"
+        raise InvalidValueError("robots", names, expected)
     sizes = [len(batch.action_names) for batch in (first, other)]
     if sizes[0] != sizes[1]:
         expected = f"robots with one action; these have {sizes[0]} and {sizes[1]} entries"

@@ -38,18 +38,13 @@ class Climb:
         asked = {"terrain": config.curriculum, "command": config.command_curriculum}
         levels = NUM_LEVELS if config.command_curriculum else tiles.number
         first = round(config.difficulty * (levels - 1))
-        return cls(
-            tiles,
-            tuple(name for name, given in asked.items() if given),
-            levels,
-            first,
-            {
-                "level": np.full(num_robots, first, np.int64),
-                "error": np.zeros(num_robots),
-                "steps": np.zeros(num_robots, np.int64),
-                "ended": np.ones(num_robots, bool),
-            },
-        )
+        arrays = {
+            "level": np.full(num_robots, first, np.int64),
+            "error": np.zeros(num_robots),
+            "steps": np.zeros(num_robots, np.int64),
+            "ended": np.ones(num_robots, bool),
+        }
+        return cls(tiles, tuple(n for n, given in asked.items() if given), levels, first, arrays)
 
     @property
     def level(self) -> np.ndarray:

@@ -12,11 +12,7 @@ from fbid_gym.runtime.observer import BODY
 def check_fits(policy: Policy, robot: Robot, observation_size: int, action_size: int) -> None:
     """Raise PolicyFileError, which says why, unless a policy can act on a robot.
 
-    Args:
-        policy: what shall act.
-        robot: on which.
-        observation_size: O of the policy's environment with that robot.
-        action_size: A of it.
+    Sizes of observation and action are those of the policy's environment with that robot.
     """
     try:
         policy.check(observation_size=observation_size, action_size=action_size)
@@ -31,17 +27,12 @@ def sees_the_body(policy: Policy) -> bool:
     return policy.env_args.get("observation") == BODY
 
 
-def _learnt_with(policy: Policy) -> Robot | None:
-    """Return the robot that a policy's arguments name; None for one of the user's own."""
-    its = policy.env_args.get("robot", registered(policy.env_id).kwargs.get("robot"))
-    return None if isinstance(its, Mapping) else load(str(its))
-
-
 def _misfit(policy: Policy, robot: Robot, observation_size: int, action_size: int) -> str:
     """Say what of a robot a policy does not fit; empty where it is not the robot."""
-    its = _learnt_with(policy)
-    if its is None:
+    named = policy.env_args.get("robot", registered(policy.env_id).kwargs.get("robot"))
+    if isinstance(named, Mapping):  # of the user's own
         return ""
+    its = load(str(named))
     if its.num_feet != robot.num_feet:
         return f"it acts on {its.num_feet} feet, and {robot.name} has {robot.num_feet}."
     more = robot.num_joints - its.num_joints

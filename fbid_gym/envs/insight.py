@@ -44,7 +44,8 @@ class Insight:
 def insight(batch: EnvBatch, env: int = 0) -> Insight:
     """Look into one robot of a batch."""
     seen, robot, stance = batch.moment(env), batch.robot, batch.task.body.stance
-    desired = _desired(batch.layer, seen)
+    # What the layer wants of the body, horizontally of the centre of mass; a user's need not say.
+    desired = getattr(batch.layer, "desired", lambda *given: np.full((1, 3), np.nan))
     torque = batch.layer.torque(
         seen.action, seen.state, seen.target, lambda: seen.terms, seen.memory
     )
@@ -67,16 +68,9 @@ def insight(batch: EnvBatch, env: int = 0) -> Insight:
         pressure=load @ points / load.sum() if carrying.any() else np.full(3, np.nan),
         support=support[convex_hull(support[:, :2])] if carrying.any() else support,
         footholds=seen.target.foothold[0][~seen.target.planted[0]],
-        desired=desired,
+        desired=desired(seen.action, seen.state, seen.target, seen.terms)[0],
         achieved=seen.acceleration,
     )
-
-
-def _desired(layer: ActionLayer, seen: Moment) -> np.ndarray:
-    """What the layer wants of the body: (3,) m/s^2, horizontally of the centre of mass."""
-    given = seen.state, seen.target, seen.terms
-    desired = getattr(layer, "desired", None)  # a user's layer need not say
-    return np.full(3, np.nan) if desired is None else desired(seen.action, *given)[0]
 
 
 def _friction(layer: ActionLayer, memory: Memory) -> float:

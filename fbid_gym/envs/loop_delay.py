@@ -40,13 +40,10 @@ class LoopDelay:
         self.arrays["ticks"][ids] = np.round(seconds * self.control_hz, 6)
 
     def arriving(self, torque: np.ndarray, tick: np.ndarray) -> np.ndarray:
-        """Return the torques (N, n) that act now, where `torque` has just been made.
+        """Return the torques (N, n) N·m that act now, where such torques have just been made.
 
         Before the first one arrives it acts at once: the robots stood there, held by it, before.
-
-        Args:
-            torque: (N, n) N·m.
-            tick: (N,) control ticks since the episodes began.
+        Their episodes began `tick` (N,) control ticks ago.
         """
         waiting, ticks = self.arrays["torque"], self.arrays["ticks"]
         if self.most_ticks == 0:

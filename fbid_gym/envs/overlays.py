@@ -94,11 +94,7 @@ def size_of(stance: Stance) -> float:
 def marks(shown: RenderOptions, seen: Insight, size: float, weight: float) -> Iterator[Mark]:
     """Yield what is to be drawn of a robot now; nothing that is nowhere.
 
-    Args:
-        shown: which of it.
-        seen: of the robot.
-        size: m, of the robot, see `size_of`.
-        weight: N, of the robot.
+    The robot's size is in m, see `size_of`, its weight in N.
     """
     newton = _FORCE * size * len(seen.points) / weight  # m
     forces = [("measured", seen.measured, _GREEN, 1.0), ("commanded", seen.commanded, _ORANGE, 0.7)]
@@ -129,8 +125,9 @@ def marks(shown: RenderOptions, seen: Insight, size: float, weight: float) -> It
         centre = seen.com + np.array([0.0, 0.0, 0.25 * size])
         vectors = [("desired", seen.desired, _RED, 0.7), ("achieved", seen.achieved, _GREEN, 1.0)]
         for name, vector, colour, thick in vectors:
-            arrow = _short(_ACCELERATION * size * vector, size)[None]
-            ends = _from(np.zeros((1, 3)), arrow)
+            arrow = _ACCELERATION * size * vector
+            arrow = arrow * min(1.0, size / max(float(np.linalg.norm(arrow)), 1e-9))
+            ends = _from(np.zeros((1, 3)), arrow[None])
             yield Mark(name, "arrows", colour, 0.01 * thick * size, centre, ends)
 
 
@@ -147,8 +144,3 @@ def _from(places: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Arrows (K, 2, 3) from places along vectors (P, 3), those long enough to be seen."""
     seen = np.linalg.norm(vectors, axis=1) > 1e-3  # not so of NaN
     return np.stack([places, places + vectors], axis=1)[seen]
-
-
-def _short(vector: np.ndarray, most: float) -> np.ndarray:
-    """A vector (3,), no longer than `most`."""
-    return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-9))

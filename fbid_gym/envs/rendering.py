@@ -124,22 +124,16 @@ class RobotRenderer:
 
     def close(self) -> None:
         """Free the window and the context."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        for shown in (self._renderer, self._viewer):
+            if shown is not None:
+                shown.close()
+        self._renderer = self._viewer = None
 
 
 def add_push(scene: mujoco.MjvScene, centre: np.ndarray, force: np.ndarray, size: float) -> None:
-    """Add an arrow that ends at a base to a scene, if the base is pushed.
+    """Add an arrow to a scene that ends at the centre (3,) m of a base, if that is pushed.
 
-    Args:
-        scene: to draw.
-        centre: (3,) m, of the base.
-        force: (3,) shares of the robot's weight.
-        size: m, of the robot.
+    The force (3,) is in shares of the robot's weight, the robot's size in m.
     """
     strength = float(np.linalg.norm(force))
     if strength > 0.0:

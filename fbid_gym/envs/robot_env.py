@@ -146,13 +146,8 @@ class RobotEnv(Interface, gym.Env):
         if self.render_mode == "human":
             self.render()
         info = {name: value[0] for name, value in step.info.items()}
-        return (
-            step.observation[0],
-            float(step.reward[0]),
-            bool(step.terminated[0]),
-            bool(step.truncated[0]),
-            info,
-        )
+        ended = bool(step.terminated[0]), bool(step.truncated[0])
+        return step.observation[0], float(step.reward[0]), *ended, info
 
     def render(self) -> np.ndarray | None:
         """Draw the environment: (H, W, 3) uint8 for "rgb_array", a window for "human"."""

@@ -24,12 +24,9 @@ MAX_SPEED = 500.0
 
 _ALL, _VELOCITY = slice(None), int(mujoco.mjtStage.mjSTAGE_VEL)
 _STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+_WARN = mujoco.mjtWarning
 _DIVERGENCE = np.array(
-    [
-        int(mujoco.mjtWarning.mjWARN_BADQPOS),
-        int(mujoco.mjtWarning.mjWARN_BADQVEL),
-        int(mujoco.mjtWarning.mjWARN_BADQACC),
-    ]
+    [int(kind) for kind in (_WARN.mjWARN_BADQPOS, _WARN.mjWARN_BADQVEL, _WARN.mjWARN_BADQACC)]
 )
 
 
@@ -121,13 +118,10 @@ class Simulation:
     def place(
         self, ids: np.ndarray, qpos: np.ndarray, qvel: np.ndarray, ground: np.ndarray | float = 0.0
     ) -> None:
-        """Start the robots `ids` anew, each with its lowest contact point on the ground.
+        """Start the robots `ids` (K,) anew, each with its lowest contact point on the ground.
 
-        Args:
-            ids: (K,) robots.
-            qpos: (K, nq); the height of the base is set here.
-            qvel: (K, nv).
-            ground: (K,) m, height of the ground there.
+        They begin at qpos (K, nq), but for the height of the base, which is set here, with qvel
+        (K, nv); the height of the ground there is `ground` (K,) m.
         """
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.qpos[ids], self.qvel[ids] = qpos, qvel

@@ -57,11 +57,8 @@ def read(wiring: Wiring, effort: Effort, state: RobotState) -> None:
 def find_diverged(wiring: Wiring, kinds: np.ndarray, size: int, fastest: float) -> np.ndarray:
     """Return which robots' states can no longer be trusted: (N,) bool.
 
-    Args:
-        wiring: of the robots.
-        kinds: (K,) the warnings of a restart, which were set to 1 beforehand.
-        size: nv.
-        fastest: m/s and rad/s, largest speed that is trusted.
+    MuJoCo restarted them, as warnings of these kinds (K,) say, which were set to 1 beforehand, or
+    one of their `size` = nv speeds is not below the fastest that is trusted, m/s and rad/s.
     """
     diverged = np.empty(len(wiring.rows), np.bool_)
     for i in range(len(wiring.rows)):

@@ -167,12 +167,9 @@ class RobotVectorEnv(Interface, VectorEnv):
                 f"Environments {ended} have no episode to step: call reset(), or reset(options="
                 '{"reset_mask": ...}) for some of them.'
             )
-        step = self.chunks.step(actions)
-        observation, reward = step.observation, step.reward
-        terminated, truncated = step.terminated, step.truncated
+        observation, reward, terminated, truncated, told = self.chunks.step(actions)
         everyone = np.ones(self.num_envs, bool)
-        info: dict[str, Any] = dict(step.info)
-        info |= {f"_{name}": everyone for name in step.info}
+        info: dict[str, Any] = told | {f"_{name}": everyone for name in told}
         if mode == AutoresetMode.NEXT_STEP and self._done.any():
             # Gymnasium's convention: this step only resets those, and says nothing else of them.
             again = self._done
@@ -180,16 +177,16 @@ class RobotVectorEnv(Interface, VectorEnv):
             observation = self.chunks.observation()
             reward = np.where(again, 0.0, reward)
             terminated, truncated = terminated & ~again, truncated & ~again
-            info |= {f"_{name}": ~again for name in step.info}
+            info |= {f"_{name}": ~again for name in told}
         done = terminated | truncated
         if mode == AutoresetMode.SAME_STEP and done.any():
             final = np.full(self.num_envs, None, object)
             for env in np.flatnonzero(done):
                 final[env] = observation[env].copy()
             info["final_obs"], info["_final_obs"] = final, done.copy()
-            info["final_info"] = dict(step.info) | {f"_{name}": done.copy() for name in step.info}
+            info["final_info"] = told | {f"_{name}": done.copy() for name in told}
             info["_final_info"] = done.copy()
-            info |= {f"_{name}": ~done for name in step.info}
+            info |= {f"_{name}": ~done for name in told}
             self.chunks.reset(done)
             observation = self.chunks.observation()
         self._done = done if mode != AutoresetMode.SAME_STEP else np.zeros_like(done)

@@ -78,9 +78,7 @@ class _Trial(NamedTuple):
 def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
     """Return the share of robots that are up at the end, by the zero action.
 
-    Args:
-        robot: the robot.
-        arguments: of the environment, beside robot, time and pushes.
+    The arguments are of the environment, beside robot, time and pushes.
     """
     return _tried(robot, arguments).up
 
