@@ -17,7 +17,6 @@ from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
 from eval.report import headline, page
 from eval.results import Settings
-from fbid_gym.__main__ import called
 from fbid_gym.options import check_fields
 from train.command import run_command
 from train.environments import register
@@ -43,8 +42,9 @@ class CompareConfig:
     """How to compare."""
 
 
-def run(config: CompareConfig, console: Console, command: list[str]) -> None:
+def run(config: CompareConfig, command: list[str]) -> None:
     """Compare, then write the page and its numbers."""
+    console = Console()
     check_fields(config.settings)
     check_output(config.out, "out", (".html", ".htm"))
     register(config.register)
@@ -69,12 +69,7 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
-    given = sys.argv[1:] if arguments is None else arguments
-    line = [*called("eval.compare"), *given]
-    work = partial(run, console=Console(), command=line)
-    return run_command("eval.compare", CompareConfig, work, given, __doc__)
+main = partial(run_command, "eval.compare", CompareConfig, run, about=__doc__, told=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ estimate beside the physics instead.
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -144,11 +144,5 @@ def run(config: EstimatesConfig) -> None:
         write(config.out, sheet(panels))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
-    given = sys.argv[1:] if arguments is None else arguments
-    return run_command("eval.estimates", EstimatesConfig, run, given, __doc__ or "")
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command("eval.estimates", EstimatesConfig, run, about=__doc__))

@@ -51,9 +51,10 @@ class GridConfig:
     """Further environment arguments as a JSON object; they replace those of the policy."""
 
 
-def run(config: GridConfig, console: Console) -> None:
+def run(config: GridConfig) -> None:
     """Do what the command line asks."""
     check_fields(config)
+    console = Console()
     check_output(config.out, "out", tuple(_ENCODE))
     robots = several(config.robots)
     env_args = {"render_options": {}} | parse_env_args(config.env_args)  # nothing drawn over them
@@ -114,10 +115,7 @@ def webp(frames: list[np.ndarray], fps: float, quality: int = 40) -> bytes:
 _ENCODE = {".webp": webp, ".mp4": encoded}
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
-    work = partial(run, console=Console())
-    return run_command("eval.grid", GridConfig, work, arguments, __doc__)
+main = partial(run_command, "eval.grid", GridConfig, run, about=__doc__)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,6 @@ from eval.wording import interval, number, percent
 from eval.zero_actions.__main__ import measured, short
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, ZeroActionConfig, cases
-from fbid_gym.__main__ import called
 from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, RunError
@@ -252,11 +251,7 @@ def _wrapped(text: str) -> str:
     return "\n".join(textwrap.wrap(text, 14))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
-    given = sys.argv[1:] if arguments is None else arguments
-    work = partial(run, command=[*called("eval.layers"), *given])
-    return run_command("eval.layers", LayersConfig, work, given, __doc__)
+main = partial(run_command, "eval.layers", LayersConfig, run, about=__doc__, told=True)
 
 
 if __name__ == "__main__":

@@ -326,9 +326,10 @@ def metrics_csv(episodes: Episodes) -> str:
     return to_csv(list(rows[0]), rows)
 
 
-def run(config: RolloutConfig, console: Console) -> None:
+def run(config: RolloutConfig) -> None:
     """Do what the command line asks."""
     check_fields(config)
+    console = Console()
     register(config.register)
     if config.out is not None:
         check_output(config.out, "out", (".json", ".csv"))
@@ -357,10 +358,7 @@ def run(config: RolloutConfig, console: Console) -> None:
         console.print(f"wrote {config.video}", markup=False, highlight=False)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
-    work = partial(run, console=Console())
-    return run_command("eval.rollout", RolloutConfig, work, arguments, __doc__)
+main = partial(run_command, "eval.rollout", RolloutConfig, run, about=__doc__)
 
 
 if __name__ == "__main__":

@@ -82,8 +82,9 @@ class Played(NamedTuple):
         return np.array([values[robot] for robot in robots if robot in values]).mean(axis=0)
 
 
-def main(config: ScalingConfig, console: Console) -> int:
+def main(config: ScalingConfig) -> int:
     """Play what has not been, then print and write; return the exit status."""
+    console = Console(width=200, highlight=False)
     check_fields(config)
     study = read_study(config.study, config.runs)
     check_cells(study)
@@ -322,5 +323,4 @@ def _spread(values: np.ndarray, form: Form) -> str:
 
 
 if __name__ == "__main__":
-    work = partial(main, console=Console(width=200, highlight=False))
-    sys.exit(run_command("eval.scaling", ScalingConfig, work, about=__doc__))
+    sys.exit(run_command("eval.scaling", ScalingConfig, main, about=__doc__))

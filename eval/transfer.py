@@ -62,9 +62,10 @@ class TransferConfig:
     """Write the table, as .csv."""
 
 
-def run(config: TransferConfig, console: Console) -> None:
+def run(config: TransferConfig) -> None:
     """Do what the command line asks."""
     check_fields(config)
+    console = Console()
     if config.out is not None:
         check_output(config.out, "out", (".csv",))
     if not config.sources:
@@ -187,10 +188,7 @@ def findings(rows: list[dict[str, Any]]) -> list[str]:
     return found
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
-    work = partial(run, console=Console())
-    return run_command("eval.transfer", TransferConfig, work, arguments, __doc__)
+main = partial(run_command, "eval.transfer", TransferConfig, run, about=__doc__)
 
 
 if __name__ == "__main__":

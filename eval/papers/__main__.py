@@ -22,7 +22,6 @@ from eval.page.docs import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, load, perform
 from eval.papers.page import Section, page, summary
 from eval.papers.registry import experiments
-from fbid_gym.__main__ import called
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
@@ -77,20 +76,8 @@ def _section(experiment: Experiment, config: PapersConfig) -> Section:
     return Section(experiment, None, wrong, experiment.command(config.quick))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line. An error of ours is one line and exit status 2."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    work = partial(run, given=given)
-    return run_command("eval.papers", PapersConfig, work, given, __doc__)
-
-
-def run(config: PapersConfig, given: Sequence[str]) -> int:
-    """Run, put the page together, write; what can be refused is refused before.
-
-    Args:
-        config: what to do.
-        given: the command line, for the page.
-    """
+def run(config: PapersConfig, command: Sequence[str]) -> int:
+    """Run, put the page together, write; what can be refused is refused before."""
     check_fields(config)
     check_folder(config.out, "out")
     chosen, console = experiments(config.only), Console()
@@ -113,13 +100,15 @@ def run(config: PapersConfig, given: Sequence[str]) -> int:
         (paper, [_section(experiment, config) for experiment in some]) for paper, some in chosen
     ]
     seconds = time.monotonic() - began
-    command = shlex.join([*called("eval.papers"), *given])
     report = config.out / "report.html"
-    write(report, page(papers, command, seconds, config.quick))
+    write(report, page(papers, shlex.join(command), seconds, config.quick))
     if config.write_docs:
         splice(PAPERS_PAGE, summary(papers))
     console.print(f"{seconds / 60:.1f} minutes. Page: {report}", markup=False, highlight=False)
     return 1 if failed else 0
+
+
+main = partial(run_command, "eval.papers", PapersConfig, run, about=__doc__, told=True)
 
 
 if __name__ == "__main__":

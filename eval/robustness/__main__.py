@@ -22,7 +22,6 @@ from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
 from eval.robustness.tables import markdown, numbers, said, shown, with_kept
 from eval.robustness.wording import headline
-from fbid_gym.__main__ import called
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.errors import InvalidValueError
@@ -77,8 +76,9 @@ class RobustnessConfig:
     are not tried stay as they are there."""
 
 
-def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
+def run(config: RobustnessConfig, command: list[str]) -> None:
     """Play, then write the page and its numbers; what can be refused is refused before."""
+    console = Console()
     register(config.register)
     check_output(config.out, "out", (".html", ".htm"))
     check_choices("factor", config.factors, [factor.name for factor in FACTORS])
@@ -149,12 +149,7 @@ def tell(found: Robustness, console: Console) -> None:
     console.print(headline(found), markup=False, highlight=False)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
-    given = sys.argv[1:] if arguments is None else arguments
-    line = [*called("eval.robustness"), *given]
-    work = partial(run, console=Console(), command=line)
-    return run_command("eval.robustness", RobustnessConfig, work, given, __doc__)
+main = partial(run_command, "eval.robustness", RobustnessConfig, run, about=__doc__, told=True)
 
 
 if __name__ == "__main__":

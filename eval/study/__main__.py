@@ -8,8 +8,8 @@ as far as it is, and said to be unfinished.
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -31,7 +31,6 @@ from eval.study.findings import checked_reference, findings
 from eval.study.page import page
 from eval.study.results import RETURN, ArmFound, Findings, Settings
 from eval.study.tables import drawn, numbers, table
-from fbid_gym.__main__ import called
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.command import run_command
@@ -71,7 +70,7 @@ class StudyConfig:
     the table between its marks into the study's page of docs/."""
 
 
-def main(config: StudyConfig, command: str = "") -> int:
+def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
     """Read, print, write; return the exit status."""
     check_fields(config)
     check_fields(config.settings)
@@ -107,7 +106,7 @@ def main(config: StudyConfig, command: str = "") -> int:
                 clips, missing = film(study, found, config.video_seconds, tell)
             found = replace(found, warnings=[*found.warnings, *missing])
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
-        write(config.out, page(found, clips, robustness, command))
+        write(config.out, page(found, clips, robustness, shlex.join(command)))
     for suffix, content in pictures.items():
         write(DOCS / f"{study.name}{suffix}", content)
     if config.write_docs:
@@ -201,6 +200,4 @@ def _outdated(study: Study, kept: Robustness) -> list[str]:
 
 
 if __name__ == "__main__":
-    line = shlex.join([*called("eval.study"), *sys.argv[1:]])
-    run = partial(main, command=line)
-    sys.exit(run_command("eval.study", StudyConfig, run, about=__doc__))
+    sys.exit(run_command("eval.study", StudyConfig, main, about=__doc__, told=True))

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -185,15 +186,14 @@ def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
     return found
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
+def run(config: ShipConfig) -> None:
+    """Ship it, and print its card."""
+    done = ship(config)
+    print("\n".join([f"{PREFIX}{done.name}", *done.lines()]))
+    print(f"wrote {done.path}; python -m eval.tools.policies --write-docs tells its page")
 
-    def work(config: ShipConfig) -> None:
-        done = ship(config)
-        print("\n".join([f"{PREFIX}{done.name}", *done.lines()]))
-        print(f"wrote {done.path}; python -m eval.tools.policies --write-docs tells its page")
 
-    return run_command("eval.tools.ship", ShipConfig, work, arguments, __doc__)
+main = partial(run_command, "eval.tools.ship", ShipConfig, run, about=__doc__)
 
 
 if __name__ == "__main__":

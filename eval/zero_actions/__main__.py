@@ -14,7 +14,6 @@ from eval.files import check_output, write
 from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
-from fbid_gym.__main__ import called
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import check_fields
 from train.command import run_command
@@ -160,12 +159,8 @@ def matched(row: Row, first: Row) -> str:
     return f"{said}; that of the first at {noise + math.log(share):.2f}" if share else said
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
-    given = sys.argv[1:] if arguments is None else arguments
-    work = partial(run, command=[*called("eval.zero_actions"), *given])
-    about = "\n\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
-    return run_command("eval.zero_actions", ZeroActionConfig, work, given, f"{__doc__}\n{about}")
+_ABOUT = f"{__doc__}\n" + "\n\n".join(f"{name}: {its.about}." for name, its in TABLES.items())
+main = partial(run_command, "eval.zero_actions", ZeroActionConfig, run, about=_ABOUT, told=True)
 
 
 if __name__ == "__main__":

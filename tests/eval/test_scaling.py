@@ -103,4 +103,4 @@ def test_what_is_kept_is_of_the_robots_and_policies_of_today(path, tmp_path, mon
 def test_a_study_without_unseen_robots_is_refused(path, capsys):
     path.write_text(path.read_text().replace(TEXT, ""))
     with pytest.raises(RunError, match="has no \\[transfer\\]"):
-        scaling.main(scaling.ScalingConfig(path), None)
+        scaling.main(scaling.ScalingConfig(path))
