@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from eval.play.controls import GROUPS, OVERLAYS, PUSH, TIME, WORLD, Control, Menu, Slider
+from eval.play.controls import GROUPS, OVERLAYS, PUSH, TIME, WORLD, Control
 from eval.play.session import Change, OneStep, Push, Request, Reset, Session
 from eval.play.texts import to_query
 from fbid_gym.dynamics.frames import quaternion_to_matrix
@@ -14,6 +14,7 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.overlays import LABELS
 from fbid_gym.errors import FbidError
 from fbid_gym.motions.gait.heading import axes_of_trunk
+from fbid_gym.options import Choice, Number, Whole
 from fbid_gym.robots import Robot
 
 _STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}
@@ -69,15 +70,15 @@ class Panel:
             self._submit(event, push)
 
     def _add(self, name: str, control: Control) -> Any:
-        gui, value = self._gui, self._session.settings[name]
+        gui, value, kind = self._gui, self._session.settings[name], control.kind
         label = f"{control.label} (restarts)" if control.resets else control.label
-        if isinstance(control, Menu):
-            widget: Any = gui.add_dropdown(label, control.choices, initial_value=value)
-        elif isinstance(control, Slider) and control.whole:
-            ends = int(control.least), int(control.most)
+        if isinstance(kind, Choice):
+            widget: Any = gui.add_dropdown(label, tuple(kind.names), initial_value=value)
+        elif isinstance(kind, Whole):
+            ends = int(kind.least), int(kind.most)
             widget = gui.add_number(label, int(value), min=ends[0], max=ends[1], step=1)
-        elif isinstance(control, Slider):
-            least, most, step = _range(control)
+        elif isinstance(kind, Number):
+            least, most, step = _range(kind)
             widget = gui.add_slider(label, min=least, max=most, step=step, initial_value=value)
         else:
             widget = gui.add_checkbox(label, initial_value=value)
@@ -101,13 +102,9 @@ class Panel:
     def _submit(self, event: viser.GuiEvent, build: Callable[[], Request]) -> None:
         try:
             self._session.submit(build())
-        except FbidError as error:
-            self._refuse(event, error)
-
-    def _refuse(self, event: viser.GuiEvent, error: FbidError) -> None:
-        """Say why, to the viewer who asked; what applies is shown again."""
-        if event.client is not None:
-            event.client.add_notification("Refused", str(error), color="red")
+        except FbidError as error:  # said to the viewer who asked; what applies is shown again
+            if event.client is not None:
+                event.client.add_notification("Refused", str(error), color="red")
 
     def show(self, status: str) -> None:
         """Show what applies, where that has changed, and how it goes."""
@@ -119,9 +116,9 @@ class Panel:
         if self._offered is not session.offered:  # of another robot
             self._offered = session.offered
             for name, control in self._offered.items():
-                if isinstance(control, Slider) and not control.whole:
-                    widget = self._widgets[name]
-                    widget.min, widget.max, widget.step = _range(control)
+                kind, widget = control.kind, self._widgets[name]
+                if isinstance(kind, Number) and not isinstance(kind, Whole):
+                    widget.min, widget.max, widget.step = _range(kind)
         for name, value in session.settings.items():
             if self._known[name] != value:
                 self._known[name] = self._widgets[name].value = value
@@ -132,11 +129,10 @@ class Panel:
             self._link.content = f"[Link to these settings](?{query})"
 
 
-def _range(control: Slider) -> tuple[float, float, float]:
+def _range(ends: Number) -> tuple[float, float, float]:
     """Least, most and step of a slider."""
-    span = control.most - control.least
-    step = next(each for wide, each in _STEPS.items() if span >= wide)
-    return control.least, control.most, step
+    step = next(each for wide, each in _STEPS.items() if ends.most - ends.least >= wide)
+    return ends.least, ends.most, step
 
 
 def heading(robot: Robot, qpos: np.ndarray) -> np.ndarray:

@@ -93,10 +93,13 @@ def show(server: Any) -> str:
 
 def measured(server: Any, session: Session, seconds: float) -> Share:
     """Run a session for some seconds with a viewer in another process, and tell what it takes."""
+    import viser
+
     from eval.play.page import Page
 
-    page = Page(server, session)
-    viewer = subprocess.Popen([sys.executable, "-c", _VIEWER, _socket(server), _protocol()])
+    page, protocol = Page(server, session), f"viser-v{viser.__version__}"
+    address = f"ws://{server.get_host()}:{server.get_port()}"
+    viewer = subprocess.Popen([sys.executable, "-c", _VIEWER, address, protocol])
     try:
         while not (session.steps or session.settings["paused"]):
             page.run(0.1)  # the first step compiles
@@ -113,13 +116,3 @@ def measured(server: Any, session: Session, seconds: float) -> Share:
         kept=(session.steps - steps) / session.hz / wall,
         frames=(page.pace.frames - frames) / wall,
     )
-
-
-def _socket(server: Any) -> str:
-    return f"ws://{server.get_host()}:{server.get_port()}"
-
-
-def _protocol() -> str:
-    import viser
-
-    return f"viser-v{viser.__version__}"

@@ -186,16 +186,12 @@ class Session:
         elif isinstance(request, ChangeAll):
             self._set(request.settings)
         else:
-            name, value = request
-            more = brought(self.stage, self.settings, name, value)
-            self._set(self._for_robot(name, value) | {name: value} | more)
+            (name, value), settings = request, self.settings
+            more = brought(self.stage, settings, name, value)
+            if name == "robot":
+                settings = rescaled(self.offered, self.offers(value), settings)
+            self._set(settings | {name: value} | more)
         self.version += 1
-
-    def _for_robot(self, name: str, value: Any) -> Settings:
-        """Return the settings as they are, for another robot where that is what is set."""
-        if name != "robot":
-            return self.settings
-        return rescaled(self.offered, self.offers(value), self.settings)
 
     def _set(self, wanted: Settings) -> None:
         """Set controls; those that cannot be brought about leave everything as it was."""

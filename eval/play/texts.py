@@ -10,8 +10,9 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode
 from urllib.parse import quote as quoted
 
-from eval.play.controls import Control, Menu, Settings, checked
+from eval.play.controls import Control, Settings, checked
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Choice
 
 _LONGEST = 10_000
 _CHOSEN = ("layer", "policy", "contact_limits", "sensors", "terrain", "difficulty", "gait")
@@ -59,7 +60,7 @@ def from_words(offered: Mapping[str, Control], words: Mapping[str, str]) -> Sett
 
 def _value(offered: Mapping[str, Control], name: str, word: str) -> Any:
     """Read a word of a query: a name in a menu, else a number, true or false."""
-    if isinstance(offered.get(name), Menu):
+    if name in offered and isinstance(offered[name].kind, Choice):
         return word
     try:
         return json.loads(word)

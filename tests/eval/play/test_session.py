@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eval.play.controls import Menu, Slider, Switch, controls
+from eval.play.controls import controls
 from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
 from eval.play.texts import from_query, to_query
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
+from fbid_gym.options import Choice, Flag, Number
 from fbid_gym.policy import Policy
 from fbid_gym.tasks.body_view import own_units
 from tests.eval.conftest import constant_policy
@@ -228,12 +229,13 @@ def test_it_opens_on_a_robot_that_walks_and_says_how_fast():
 
 def other(control: Any) -> Any:
     """Another value than at the start."""
-    if isinstance(control, Menu):
-        return next(choice for choice in control.choices if choice != control.default)
-    if isinstance(control, Switch):
+    kind = control.kind
+    if isinstance(kind, Choice):
+        return next(choice for choice in kind.names if choice != control.default)
+    if isinstance(kind, Flag):
         return not control.default
-    assert isinstance(control, Slider)
-    return control.most if control.default == control.least else control.least
+    assert isinstance(kind, Number)
+    return kind.most if control.default == kind.least else kind.least
 
 
 def test_every_setting_travels_by_link_and_acts_elsewhere():
