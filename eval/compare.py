@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.markup import escape
 
 from eval.comparison import compare, film
-from eval.files import check_output, to_json, write
 from eval.report import headline, page
 from eval.results import Settings
 from fbid_gym.options import check_fields
 from train.command import run_command
 from train.environments import register
+from train.runs.files import check_output, to_json, write
 from train.runs.reading import load
 from train.runs.robots import chosen
 

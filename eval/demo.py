@@ -19,7 +19,6 @@ from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
-from eval.files import check_folder, check_output, write
 from eval.rollout import Player, filmed
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
@@ -28,6 +27,7 @@ from train.command import run_command
 from train.recipes import config_for
 from train.runs import robots
 from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.files import check_folder, check_output, write
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
 from train.runs.tables import read_rows

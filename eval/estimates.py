@@ -16,7 +16,6 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from eval.files import check_output, write
 from eval.page.figures import Series, panel, sheet
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
@@ -27,6 +26,7 @@ from fbid_gym.estimation.sensors import ESTIMATORS, LIKE
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
+from train.runs.files import check_output, write
 
 SHOWN = {
     "estimate_velocity_error": ("velocity of the base, m/s", 1.0),
@@ -114,8 +114,7 @@ def errors_over_time(
 def run(config: EstimatesConfig) -> None:
     """Play, print the root mean squares, draw."""
     check_fields(config)
-    if config.out is not None:
-        check_output(config.out, "out", (".svg",))
+    check_output(config.out, "out", (".svg",))
     if config.cost:
         for env, estimator in product(config.envs, ESTIMATORS):
             print_cost(env, estimator, config)

@@ -17,7 +17,6 @@ import tyro
 from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 
-from eval.files import check_output, write
 from eval.rollout import filmed, load_player
 from eval.video import HEIGHT, WIDTH, encoded
 from fbid_gym.options import Number, Whole, check_fields
@@ -25,6 +24,7 @@ from fbid_gym.robots import several
 from train.command import run_command
 from train.environments import parse_env_args
 from train.progress import progress
+from train.runs.files import check_output, write
 
 
 @dataclass(frozen=True)

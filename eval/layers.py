@@ -23,7 +23,6 @@ import numpy as np
 import tyro
 
 import fbid_gym
-from eval.files import check_output, write
 from eval.page.colours import colours_of
 from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.page.figures import bars
@@ -41,6 +40,7 @@ from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 from train.environments import run_file
+from train.runs.files import check_output, write
 
 TABLE = TABLES["layers"]
 _PAGE = DOCS / "layer_benchmark.md"

@@ -21,7 +21,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from eval.files import check_output, to_json, write
 from eval.video import Clip, record
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -35,6 +34,7 @@ from train.environments import make_env, make_envs, parse_env_args, register, st
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
 from train.runs.environment import changed_meaning, load_policy
+from train.runs.files import check_output, to_json, write
 from train.runs.proportional import LAW, ZERO, gain_of, proportional
 from train.runs.reading import Run, load
 from train.runs.robots import another, chosen, named, of_policy
@@ -331,10 +331,8 @@ def run(config: RolloutConfig) -> None:
     check_fields(config)
     console = Console()
     register(config.register)
-    if config.out is not None:
-        check_output(config.out, "out", (".json", ".csv"))
-    if config.video is not None:
-        check_output(config.video, "video", (".mp4",))
+    check_output(config.out, "out", (".json", ".csv"))
+    check_output(config.video, "video", (".mp4",))
     player = player_of(config)
     for warning in _warnings(config, player):
         console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)

@@ -16,7 +16,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from eval.files import check_output, write
 from eval.rollout import Player, lawful, load_player, play_player
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.errors import FbidError, InvalidValueError
@@ -28,6 +27,7 @@ from train.environments import parse_env_args
 from train.episodes import Episodes
 from train.progress import progress
 from train.runs.environment import load_policy
+from train.runs.files import check_output, write
 from train.runs.proportional import GAIN, LAW, PREFIX
 from train.runs.tables import to_csv
 
@@ -66,8 +66,7 @@ def run(config: TransferConfig) -> None:
     """Do what the command line asks."""
     check_fields(config)
     console = Console()
-    if config.out is not None:
-        check_output(config.out, "out", (".csv",))
+    check_output(config.out, "out", (".csv",))
     if not config.sources:
         raise InvalidValueError("sources", "()", "at least one policy")
     robots, env_args = several(config.robots), parse_env_args(config.env_args)

@@ -13,12 +13,12 @@ import numpy as np
 import tyro
 
 from eval.engines.trial import Outcomes, in_bullet, in_mujoco
-from eval.files import check_output, write
 from eval.rollout import Player
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import shipped
 from fbid_gym.policy.policy_file import PREFIX
 from train.command import run_command
+from train.runs.files import check_output, write
 from train.runs.reading import load
 from train.runs.tables import to_csv
 
@@ -51,8 +51,7 @@ class EnginesConfig:
 def run(config: EnginesConfig) -> None:
     """Play them all, print a line for each, write the table."""
     check_fields(config)
-    if config.out is not None:
-        check_output(config.out, "out", (".csv",))
+    check_output(config.out, "out", (".csv",))
     known = [each.name for each in shipped()]
     names = config.policies or [name for task in TASKS for name in known if name.startswith(task)]
     rows = []

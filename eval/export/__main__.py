@@ -13,12 +13,12 @@ import tyro
 
 from eval.export.hub import write_hub
 from eval.export.onnx_model import metadata_of, to_onnx
-from eval.files import check_folder, check_output, write
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy.policy_file import PREFIX
 from fbid_gym.runtime import Controller
 from train.command import run_command
 from train.environments import register
+from train.runs.files import check_folder, check_output, write
 from train.runs.reading import load
 from train.runs.robots import chosen
 
@@ -45,8 +45,7 @@ def run(config: ExportConfig) -> None:
     """Write what was asked for."""
     if config.onnx is None and config.hub is None:
         raise InvalidValueError("export", "nothing", "--onnx FILE or --hub FOLDER, or both")
-    if config.onnx is not None:
-        check_output(config.onnx, "onnx", (".onnx",))
+    check_output(config.onnx, "onnx", (".onnx",))
     if config.hub is not None:
         check_folder(config.hub, "hub")
     register(config.register)

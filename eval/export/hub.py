@@ -64,15 +64,17 @@ pipeline_tag: robotics
 tags:
 - robotics
 - reinforcement-learning
-- {algorithm}
-- {robot}
+- {policy.algorithm}
+- {robot.name}
 ---
 
 # {title}
 
-A policy for `{env_id}` of fbid_gym: robot {robot}, action layer `{layer}`, {steps:,} steps of
-{learner}. It takes {observations} observations at {policy_hz} Hz and gives {actions} actions; the
-action layer turns these into the torques of {joints} joints at {control_hz} Hz.
+A policy for `{policy.env_id}` of fbid_gym: robot {robot.name}, action layer \
+`{config.action_layer}`, {policy.trained_steps:,} steps of
+{learner}. It takes {policy.observation_size} observations at {rates.policy} Hz and gives \
+{policy.action_size} actions; the
+action layer turns these into the torques of {robot.num_joints} joints at {rates.control} Hz.
 
 ## What it does
 {metrics}
@@ -96,15 +98,16 @@ On a robot, from its sensors to its torques, without Gymnasium:
 from fbid_gym.runtime import Controller
 
 controller = Controller.load("policy.safetensors"{given})
-torques = controller.tick(sensors)  # {control_hz} times a second
+torques = controller.tick(sensors)  # {rates.control} times a second
 ```
 
-As ONNX: `policy.onnx` takes `{onnx_in}` and gives `{onnx_out}`; its metadata names every entry, the
+As ONNX: `policy.onnx` takes `{INPUT} (N, {policy.observation_size}) float32` and gives \
+`{OUTPUT} (N, {policy.action_size}) float32 in [-1, 1]`; its metadata names every entry, the
 joints, the layer with its options, and the rates.
 
 ## Files
 `config.json` has the meaning of every argument of the environment, and the versions that wrote
-this. SHA-256 of the robot: `{digest}`.
+this. SHA-256 of the robot: `{robot.digest}`.
 """
 
 
@@ -155,25 +158,17 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
 
 
 def _card(policy: Policy, controller: Controller, name: str, own: bool) -> str:
-    rates = controller.rates
     return _CARD.format(
-        algorithm=policy.algorithm,
+        policy=policy,
+        robot=controller.robot,
+        config=controller.config,
+        rates=controller.rates,
         learner=policy.algorithm.upper(),
-        robot=controller.robot.name,
         title=name,
-        env_id=policy.env_id,
-        layer=controller.config.action_layer,
-        steps=policy.trained_steps,
-        observations=policy.observation_size,
-        actions=policy.action_size,
-        joints=controller.robot.num_joints,
-        policy_hz=rates.policy,
-        control_hz=rates.control,
         metrics=_metrics(policy),
         given=', robot="robot.zip"' if own else "",
-        onnx_in=f"{INPUT} (N, {policy.observation_size}) float32",
-        onnx_out=f"{OUTPUT} (N, {policy.action_size}) float32 in [-1, 1]",
-        digest=controller.robot.digest,
+        INPUT=INPUT,
+        OUTPUT=OUTPUT,
     )
 
 

@@ -4,8 +4,8 @@ import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from eval.files import write
 from fbid_gym.errors import RunError
+from train.runs.files import write
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BENCHMARK_PAGE = DOCS / "benchmark.md"

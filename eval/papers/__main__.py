@@ -17,7 +17,6 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from eval.files import check_folder, read_json, write
 from eval.page.docs import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, load, perform
 from eval.papers.page import Section, page, summary
@@ -26,6 +25,7 @@ from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
 from train.runs.config import cores
+from train.runs.files import check_folder, read_json, write
 from train.runs.jobs import Job, Progress, run_jobs
 
 _LOG = "log.txt"

@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 from markupsafe import Markup
 
-from eval.files import read_json, to_json, write
 from eval.page import figures, html
 from eval.papers.camera import logged
 from eval.wording import number, percent
 from fbid_gym.errors import RunError
+from train.runs.files import read_json, to_json, write
 
 OUT = Path("runs/papers")
 Numbers = dict[str, Any]

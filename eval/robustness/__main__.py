@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from eval.files import check_output, to_json, write
 from eval.page.docs import ROBUSTNESS_PAGE, command_block, splice, spliced
 from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
@@ -29,6 +28,7 @@ from fbid_gym.options import Whole, check_fields
 from train.command import run_command
 from train.environments import parse_env_args, register
 from train.progress import progress
+from train.runs.files import check_output, to_json, write
 from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
 from train.runs.tables import read_rows

@@ -17,7 +17,6 @@ import tyro
 from rich.console import Console
 
 from eval.clips import Shown, fate
-from eval.files import check_output, to_json, write
 from eval.page.colours import colours_of
 from eval.page.docs import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
@@ -35,6 +34,7 @@ from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.command import run_command
 from train.progress import Tell, progress
+from train.runs.files import check_output, to_json, write
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 
 
@@ -79,9 +79,8 @@ def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
     check_cells(study)
     checked_reference(study, config.reference)
     docs = DOCS / f"{study.page}.md"
-    if config.out is not None:
-        check_output(config.out, "out", (".html", ".htm"))
-    elif config.robustness:
+    check_output(config.out, "out", (".html", ".htm"))
+    if config.out is None and config.robustness:
         raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
     if config.write_docs:
         spliced(docs, "", study.name)  # refuses a page without marks before anything is played

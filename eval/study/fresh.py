@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eval.files import check_folder, write
 from eval.rollout import Player, play_player
 from eval.study.cells import policy_digest
 from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
 from train.evaluation import summary
 from train.progress import Tell
+from train.runs.files import check_folder, write
 from train.runs.study import Cell, Study, arms
 from train.runs.tables import EVALUATIONS, read_rows, to_csv
 from train.runs.versions import versions

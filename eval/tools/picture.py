@@ -16,13 +16,13 @@ import numpy as np
 import tyro
 from PIL import Image
 
-from eval.files import check_output
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, size_of
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Choice, check_fields
 from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.terrain import LEVELLED
 from train.command import run_command
+from train.runs.files import check_output
 
 _STEPS_INTO_PUSH = 7
 _WEIGHT_SHARE = 0.25

@@ -17,7 +17,6 @@ import numpy as np
 import tyro
 from scipy import stats
 
-from eval.files import check_folder
 from eval.rollout import Player, play_player
 from eval.statistics import Chance
 from eval.unseen import check_unseen
@@ -33,6 +32,7 @@ from train.episodes import METRICS, Episodes
 from train.runs.archive import found
 from train.runs.command_line import command_again
 from train.runs.environment import changed_meaning
+from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.reading import Run, load
 from train.runs.robots import learnt_with

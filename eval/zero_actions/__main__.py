@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from eval.files import check_output, write
 from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import check_fields
 from train.command import run_command
+from train.runs.files import check_output, write
 from train.runs.tables import check_kept, read_rows, to_csv
 
 WITHIN = 0.1
@@ -72,8 +72,7 @@ def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
     todo = cases(config)
     if config.write_docs:
         spliced(page, "")
-    if file is not None:
-        check_output(file, "csv", (".csv",))
+    check_output(file, "csv", (".csv",))
     rows = list(measured(todo, table, file, config.overwrite))
     head, *lines = short(table, rows)
     text = markdown_table(head, lines)

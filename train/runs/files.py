@@ -1,4 +1,4 @@
-"""Files that are either whole or absent, and where they can be."""
+"""Files that are either whole or absent, and where they can be: checked before the work."""
 
 import json
 import math
@@ -36,6 +36,22 @@ def check_folder(folder: Path, name: str, given: str | None = None) -> None:
         reason = getattr(error, "strerror", None) or error
         expected = f"a place where files can be written ({reason})"
         raise InvalidValueError(name, given or str(folder), expected) from error
+
+
+def check_output(path: Path | None, name: str, suffixes: tuple[str, ...]) -> None:
+    """Refuse an output path, if there is one, before any work is done for it.
+
+    Raises:
+        InvalidValueError: the suffix is not among `suffixes`, the path is a folder, or nothing can
+            be written there.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise InvalidValueError(name, str(path), f"a file name ending in {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise InvalidValueError(name, str(path), "a file name; this is a folder")
+    check_folder(path.parent, name, str(path))
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -9,11 +9,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated
 
 import tyro
 
-from eval.files import check_folder, to_json, write
 from eval.page.docs import BENCHMARK_PAGE, splice, spliced
 from eval.tools.bench import environments, laws, layers, learning, processes
 from eval.tools.bench.figures import Section
@@ -22,31 +21,35 @@ from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import ROBOTS
 from train.command import run_command
+from train.runs.files import check_folder, to_json, write
 from train.runs.versions import versions
 
-SectionName = Literal[
-    "laws",
-    "controllers",
-    "walking",
-    "conditions",
-    "layers",
-    "threads",
-    "several",
-    "single",
-    "runtime",
-    "ppo",
-    "memory",
-    "first_use",
-]
+MEASURES: dict[str, Callable[["BenchConfig"], Section]] = {
+    "laws": lambda c: laws.per_tick(c.robots, c.num_envs, c.rounds),
+    "controllers": lambda c: layers.on_their_tasks(c.num_envs, c.rounds),
+    "walking": lambda c: layers.walking(c.num_envs, c.rounds),
+    "conditions": lambda c: layers.conditions(c.num_envs, c.rounds),
+    "layers": lambda c: environments.by_layer(c.robots, c.chosen, c.num_envs, c.rounds),
+    "threads": lambda c: environments.by_threads(c.robots, c.chosen, c.num_envs, c.rounds),
+    "several": lambda c: environments.several_robots(c.rounds),
+    "single": lambda c: layers.single(c.robots, c.chosen, c.rounds),
+    "runtime": lambda c: layers.controller(layers.CONTROLLED, c.rounds),
+    "ppo": lambda c: learning.frames(c.chosen, c.rounds),
+    "memory": lambda c: processes.resident(c.robots),
+    "first_use": lambda c: processes.first_use(),
+}
+"""Name of a section -> what measures it."""
 
 
 @dataclass(frozen=True)
 class BenchConfig:
     """Measure what the action layers cost."""
 
-    sections: Annotated[tuple[SectionName, ...], Each(Choice(get_args(SectionName)))] = get_args(
-        SectionName
-    )
+    sections: Annotated[
+        tuple[str, ...],
+        Each(Choice(MEASURES, "section")),
+        tyro.conf.arg(metavar=f"[{{{','.join(MEASURES)}}} [...]]"),
+    ] = tuple(MEASURES)
     """What to measure: the laws per control tick, layers on the tasks they are for, walking beside
     its physics, sensors and motors of robots, environment steps by layer, by thread and of several
     robots in one batch, a single robot, a robot's controller, PPO beside Humanoid-v5, resident
@@ -64,32 +67,10 @@ class BenchConfig:
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Put the tables into docs/benchmark.md."""
 
-
-def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Section]:
-    """Measure the chosen sections in order, showing each when it is done."""
-    robots = list(config.robots)
-    chosen = list(dict.fromkeys(["torque", *config.layers]))
-    rounds = config.rounds
-    measures: dict[SectionName, Callable[[], Section]] = {
-        "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
-        "controllers": lambda: layers.on_their_tasks(config.num_envs, rounds),
-        "walking": lambda: layers.walking(config.num_envs, rounds),
-        "conditions": lambda: layers.conditions(config.num_envs, rounds),
-        "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
-        "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
-        "several": lambda: environments.several_robots(rounds),
-        "single": lambda: layers.single(robots, chosen, rounds),
-        "runtime": lambda: layers.controller(layers.CONTROLLED, rounds),
-        "ppo": lambda: learning.frames(chosen, rounds),
-        "memory": lambda: processes.resident(robots),
-        "first_use": processes.first_use,
-    }
-    sections = []
-    for name in config.sections:
-        section = measures[name]()
-        show(section)
-        sections.append(section)
-    return sections
+    @property
+    def chosen(self) -> list[str]:
+        """The layers, with the one that they are compared to."""
+        return list(dict.fromkeys(["torque", *self.layers]))
 
 
 def main(config: BenchConfig) -> None:
@@ -101,7 +82,10 @@ def main(config: BenchConfig) -> None:
     load = os.getloadavg()[0]
     if load > 0.5:
         print(f"Load average {load:.1f}: what else runs here distorts the ratios.", file=sys.stderr)
-    sections = measure(config, lambda section: print(section.markdown(), end="\n\n", flush=True))
+    sections = []
+    for name in config.sections:
+        sections.append(MEASURES[name](config))
+        print(sections[-1].markdown(), end="\n\n", flush=True)
     tables = "\n\n".join(section.markdown() for section in sections)
     data = {
         "versions": versions(),

@@ -1,7 +1,7 @@
 """Speed of whole environments, by layer and by thread."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -88,7 +88,7 @@ def _relative(
     ]
 
 
-def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+def by_layer(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> Section:
     """Environment steps per second of every layer, relative to the layer `torque`."""
     figures: list[Figure] = []
     for robot in robots:
@@ -108,7 +108,7 @@ def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -
     )
 
 
-def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> Section:
     """Environment steps per second with two threads, relative to one; physics alone beside it."""
     figures: list[Figure] = []
     for robot in robots:

@@ -1,7 +1,7 @@
 """Cost of the laws per control tick, relative to the physics steps that a tick drives."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ LIMITS = {
 }
 
 
-def per_tick(robots: list[str], num_robots: int, rounds: int) -> Section:
+def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
     """Time terms and laws in a closed loop that stands, tick by tick beside the physics."""
     figures = []
     found = in_turns({robot: _Stand(robot, num_robots).round for robot in robots}, rounds)

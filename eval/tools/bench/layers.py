@@ -1,7 +1,7 @@
 """What all but the physics costs: of layers, walking, sensors and motors, of a single robot."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -115,7 +115,7 @@ def conditions(num_envs: int, rounds: int) -> Section:
     )
 
 
-def single(robots: list[str], layers: list[str], rounds: int) -> Section:
+def single(robots: Sequence[str], layers: list[str], rounds: int) -> Section:
     """Microseconds beyond physics per control tick of a single robot, by layer."""
     cases = [(robot, layer) for robot in robots for layer in layers]
     found = in_turns({case: _one(*case) for case in cases}, SINGLE_ROUNDS * rounds)

@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
 import gymnasium as gym
@@ -61,7 +62,7 @@ def _resident(robot: str, layer: str, num_envs: int, warmup: int, steps: int) ->
     return np.array(answer)
 
 
-def resident(robots: list[str], layer: str = "base_acceleration") -> Section:
+def resident(robots: Sequence[str], layer: str = "base_acceleration") -> Section:
     """Resident memory per added robot, and its growth over 10,000 policy steps."""
     figures = []
     for robot in robots:

@@ -4,13 +4,13 @@ import jinja2
 import numpy as np
 import pytest
 
-from eval.files import read_json
 from eval.page import html
 from eval.papers.experiment import Finding, Setting, curves, experiment, load, named, perform, row
 from eval.papers.mistry2010.continuity import claim_continuity
 from eval.papers.page import Section, page, summary
 from eval.papers.registry import Paper, experiments
 from fbid_gym.errors import RunError, UnknownOptionError
+from train.runs.files import read_json
 
 FINDINGS = [
     Finding("hip | knee < 1", "0.1 rad", "0.2 rad", "missed", "at most 0.1 rad"),

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from eval.files import to_json
 from eval.results import Estimate
 from eval.robustness.curves import Along, Budget, Curve, Robustness
 from eval.study.__main__ import StudyConfig, main
@@ -15,6 +14,7 @@ from eval.study.findings import findings
 from eval.study.page import page
 from fbid_gym.errors import FbidError
 from tests.eval.study.small import FEW, fill
+from train.runs.files import to_json
 from train.runs.training import log_of
 
 
