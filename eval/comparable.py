@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import RunError
+from fbid_gym.robots import Robot
 from train.runs.differences import (
     differences,
     in_words,
@@ -57,13 +58,14 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
                 f"{run.path} and {first.path} have different environment arguments, so a return "
                 f"means different things: {in_words(different)}."
             )
-    changed = [
-        warning
-        for run in runs
-        for warning in (another(run.path, run.env_args, run.robot), changed_meaning(run.path))
-        if warning is not None
-    ]
-    return changed + _training_warnings(runs)
+    old = [warning for run in runs for warning in changed(run.path, run.env_args, run.robot)]
+    return old + _training_warnings(runs)
+
+
+def changed(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> list[str]:
+    """Say how what is played differs from what was trained in a folder, or with a policy's file."""
+    found = another(path, env_args, robot), changed_meaning(path)
+    return [warning for warning in found if warning is not None]
 
 
 def _training_warnings(runs: Sequence[Run]) -> list[str]:

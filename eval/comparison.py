@@ -9,20 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from eval import statistics as st
 from eval.comparable import check_comparable, group, shared_settings
 from eval.results import Band, Comparison, Crossing, Layer, Pair, RunResult, Settings
 from eval.rollout import Player, filmed, play_player
-from eval.statistics import (
-    Chance,
-    band,
-    crossing,
-    difference,
-    estimate,
-    first_crossing,
-    improvement,
-    interquartile_mean,
-    p_value,
-)
+from eval.statistics import Chance
 from eval.video import Clip
 from eval.wording import number
 from train.episodes import METRICS, Episodes
@@ -87,7 +78,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
                 env_args=dict(members[0].policy.env_args),
                 runs=results,
                 metrics={
-                    metric.name: estimate(
+                    metric.name: st.estimate(
                         np.array([run.metrics[metric.name] for run in results]), chance
                     )
                     for metric in METRICS
@@ -98,7 +89,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
                 steps_to=_crossing(results, "steps", threshold, chance),
                 wall_to=_crossing(results, "wall", threshold, chance),
                 sweep=[
-                    estimate(np.array([run.sweep[k] for run in results]), chance)
+                    st.estimate(np.array([run.sweep[k] for run in results]), chance)
                     for k in range(len(sweep))
                 ],
                 zero_sweep=_survival(zero, sweep, settings),
@@ -154,7 +145,7 @@ def _default_threshold(groups: Mapping[str, Sequence[Run]], settings: Settings) 
     ]
     if not curves:
         return None
-    ends = [interquartile_mean(values) for values in curves]
+    ends = [st.interquartile_mean(values) for values in curves]
     start, finish = min(first for first, _ in ends), max(last for _, last in ends)
     return float(start + settings.threshold_share * (finish - start))
 
@@ -196,7 +187,7 @@ def _band(runs: Sequence[RunResult], axis: str, chance: Chance) -> Band | None:
     if not all(run.returns for run in runs):
         return None
     x = [np.array(getattr(run, axis)) for run in runs]
-    return band(x, [np.array(run.returns) for run in runs], chance)
+    return st.band(x, [np.array(run.returns) for run in runs], chance)
 
 
 def _crossing(
@@ -205,16 +196,16 @@ def _crossing(
     if threshold is None or not all(run.returns for run in runs):
         return None
     each = [
-        first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
+        st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
         for run in runs
     ]
-    return crossing(np.array(each), chance)
+    return st.crossing(np.array(each), chance)
 
 
 def _pair(one: Layer, other: Layer, chance: Chance) -> Pair:
     x, y = one.values("returned"), other.values("returned")
-    probability, apart = improvement([x], [y], chance), difference(x, y, chance)
-    return Pair(one.name, other.name, probability, apart, p_value(x, y, chance.rng))
+    probability, apart = st.improvement([x], [y], chance), st.difference(x, y, chance)
+    return Pair(one.name, other.name, probability, apart, st.p_value(x, y, chance.rng))
 
 
 def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: None) -> Clips:

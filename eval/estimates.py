@@ -17,6 +17,7 @@ import numpy as np
 import tyro
 
 from eval.page.figures import Series, panel, sheet
+from eval.zero_actions.measures import begin, play
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -58,20 +59,17 @@ class EstimatesConfig:
     """Length of an episode."""
 
 
-def begun(env: str, preset: str, estimator: str, config: EstimatesConfig, count: int) -> EnvBatch:
-    """Return robots that begin to walk."""
+def made(env: str, preset: str, estimator: str, config: EstimatesConfig, count: int) -> EnvBatch:
+    """Return robots that are to walk."""
     sensors = {LIKE: preset, "estimator": estimator}
     own = {"episode_seconds": config.seconds, "sensors": sensors, "action_layer": config.layer}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), count)
-    for robot in range(count):
-        batch.seed(robot, np.random.default_rng(robot))
-    batch.reset(np.arange(count))
-    return batch
+    return EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), count)
 
 
 def print_cost(env: str, estimator: str, config: EstimatesConfig) -> None:
     """Time control ticks of walking robots in one process; corrections come every few of them."""
-    batch = begun(env, "mems", estimator, config, _TIMED)
+    batch = made(env, "mems", estimator, config, _TIMED)
+    begin(batch, 0)
     perception, simulation = batch.perception, batch.simulation
     assert perception is not None
     tick, update, parts = simulation.tick, perception.update, ([], [])  # type: ignore[var-annotated]
@@ -100,15 +98,9 @@ def errors_over_time(
     env: str, preset: str, estimator: str, config: EstimatesConfig
 ) -> dict[str, np.ndarray]:
     """Return the errors of robots that walk by the zero action, (T, N) by name; NaN once fallen."""
-    batch = begun(env, preset, estimator, config, config.episodes)
-    zero, up = np.zeros((config.episodes, len(batch.action_names))), np.ones(config.episodes, bool)
-    found: dict[str, list[np.ndarray]] = {name: [] for name in SHOWN}
-    for _ in range(batch.num_steps):
-        step = batch.step(zero)
-        up = up & ~step.terminated
-        for name, values in found.items():
-            values.append(np.where(up, step.info[name], np.nan))
-    return {name: np.array(values) for name, values in found.items()}
+    batch = made(env, preset, estimator, config, config.episodes)
+    played = play(batch, 0, told=tuple(SHOWN))
+    return {name: np.where(played["up"], played[name], np.nan) for name in SHOWN}
 
 
 def run(config: EstimatesConfig) -> None:

@@ -13,7 +13,7 @@ import math
 import shlex
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,7 +32,7 @@ from eval.statistics import Chance, holm, improvement, over_tasks, p_value
 from eval.wording import interval, number, percent
 from eval.zero_actions.__main__ import measured, short
 from eval.zero_actions.measures import Row
-from eval.zero_actions.tables import TABLES, Case, ZeroActionConfig, cases
+from eval.zero_actions.tables import TABLES, ZeroActionConfig, cases
 from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, RunError
@@ -119,15 +119,6 @@ def check_builds(layers: Sequence[str], config: ZeroActionConfig) -> None:
             raise RunError(f"Layer {layer!r} cannot be built for {robot.name}: {said}") from error
 
 
-def _versioned(todo: Sequence[Case], own: Mapping[str, str]) -> list[Case]:
-    """Cases that say of which code a layer is: what has changed since is measured anew."""
-    ours = fbid_gym.__version__
-    return [
-        case._replace(cells=case.cells | {"code": own.get(case.cells["layer"], ours)})
-        for case in todo
-    ]
-
-
 def scores(rows: Sequence[Row]) -> dict[str, list[np.ndarray]]:
     """Return layer -> for each task the scores of its robots, (N,)."""
     found: dict[str, list[np.ndarray]] = {}
@@ -181,10 +172,17 @@ def run(config: LayersConfig, command: Sequence[str]) -> None:
     )
     check_builds(list(own), what)
     file = config.out.with_suffix(".csv")
-    rows = list(measured(_versioned(cases(what), own), TABLE, file, config.overwrite))
+    # They say of which code a layer is: what has changed since is measured anew.
+    todo = [
+        case._replace(
+            cells=case.cells | {"code": own.get(case.cells["layer"], fbid_gym.__version__)}
+        )
+        for case in cases(what)
+    ]
+    rows = list(measured(todo, TABLE, file, config.overwrite))
     best, found = standings(rows, config.against)
-    heads, lines = summary(best, found)
-    text = "\n\n".join(markdown_table(*each) for each in ((heads, lines), _by_task(rows)))
+    tables = summary(best, found), short(TABLE, rows)
+    text = "\n\n".join(markdown_table(*each) for each in tables)
     print(f"\n{text}")
     write(config.out, page(rows, best, found, list(own), command))
     print(f"wrote {config.out}")
@@ -207,11 +205,6 @@ def summary(best: str, found: dict[str, Standing]) -> tuple[list[str], list[list
     ]
 
 
-def _by_task(rows: Sequence[Row]) -> tuple[Sequence[str], list[Sequence[str]]]:
-    head, *lines = short(TABLE, rows)
-    return head, lines
-
-
 def page(
     rows: Sequence[Row], best: str, found: dict[str, Standing], own: Sequence[str],
     command: Sequence[str],
@@ -220,7 +213,7 @@ def page(
     of, colours = scores(rows), colours_of(found)
     groups = list(dict.fromkeys(f"{row['robot']}: {row['task']}" for row in rows))
     chart = bars(
-        [_wrapped(group) for group in groups],
+        ["\n".join(textwrap.wrap(group, 14)) for group in groups],
         [(n, colours[n], [float(np.mean(x)) for x in of[n]]) for n in found],
         "Score: mean over robots",
         top=1.1,
@@ -232,7 +225,7 @@ def page(
         first=rows[0],
         chart=chart,
         standings=summary(best, found),
-        tasks=_by_task(rows),
+        tasks=short(TABLE, rows),
         best=best,
         level=percent(_CONFIDENCE),
         samples=_SAMPLES,
@@ -245,10 +238,6 @@ def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
     beside = f"{best} {number(found[best].score.value)}"
     said = [f"{name} scores {number(found[name].score.value)}" for name in own]
     return f"{', '.join(said)}; {beside}" if own else f"The best layer is {beside}"
-
-
-def _wrapped(text: str) -> str:
-    return "\n".join(textwrap.wrap(text, 14))
 
 
 main = partial(run_command, "eval.layers", LayersConfig, run, about=__doc__, told=True)

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from eval.comparable import changed
 from eval.video import Clip, record
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -33,11 +34,11 @@ from train.command import run_command
 from train.environments import make_env, make_envs, parse_env_args, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
-from train.runs.environment import changed_meaning, load_policy
+from train.runs.environment import load_policy
 from train.runs.files import check_output, to_json, write
 from train.runs.proportional import LAW, ZERO, gain_of, proportional
 from train.runs.reading import Run, load
-from train.runs.robots import another, chosen, named, of_policy
+from train.runs.robots import chosen, named, of_policy
 from train.runs.study import Cell
 from train.runs.tables import to_csv
 
@@ -266,15 +267,6 @@ def player_of(config: RolloutConfig) -> Player:
     return Player.unlearnt(policy, config.env, env_args, robot)
 
 
-def _warnings(config: RolloutConfig, player: Player) -> list[str]:
-    """Say how what is played differs from what was trained."""
-    if config.source is None:
-        return []
-    path = place_of(config.source)
-    found = (another(path, player.env_args, player.robot), changed_meaning(path))
-    return [warning for warning in found if warning is not None]
-
-
 def table(player: Player, episodes: Episodes) -> Table:
     """Mean and spread of every metric over the episodes."""
     title = f"{player.name} in {player.env_id}, {len(episodes)} episodes"
@@ -320,12 +312,6 @@ def metrics_json(player: Player, episodes: Episodes, seed: int) -> str:
     )
 
 
-def metrics_csv(episodes: Episodes) -> str:
-    """One row per episode."""
-    rows = episodes.rows()
-    return to_csv(list(rows[0]), rows)
-
-
 def run(config: RolloutConfig) -> None:
     """Do what the command line asks."""
     check_fields(config)
@@ -334,7 +320,8 @@ def run(config: RolloutConfig) -> None:
     check_output(config.out, "out", (".json", ".csv"))
     check_output(config.video, "video", (".mp4",))
     player = player_of(config)
-    for warning in _warnings(config, player):
+    path = None if config.source is None else place_of(config.source)
+    for warning in changed(path, player.env_args, player.robot) if path is not None else ():
         console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
     with progress(console, "episodes") as tell:
         episodes = play_player(
@@ -346,8 +333,8 @@ def run(config: RolloutConfig) -> None:
         )
     console.print(table(player, episodes))
     if config.out is not None:
-        as_csv = config.out.suffix.lower() == ".csv"
-        text = metrics_csv(episodes) if as_csv else metrics_json(player, episodes, config.seed)
+        rows, as_csv = episodes.rows(), config.out.suffix.lower() == ".csv"
+        text = to_csv([*rows[0]], rows) if as_csv else metrics_json(player, episodes, config.seed)
         write(config.out, text)
         console.print(f"wrote {config.out}", markup=False, highlight=False)
     if config.video is not None:

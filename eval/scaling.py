@@ -33,7 +33,7 @@ from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from fbid_gym.robots.several import each_name
 from train.command import run_command
-from train.runs.config import TrainConfig, cores
+from train.runs.config import cores
 from train.runs.files import check_folder, write
 from train.runs.jobs import Job, Progress, run_jobs
 from train.runs.proportional import PREFIX
@@ -123,34 +123,30 @@ def _folder(study: Study) -> Path:
     return study.runs / "transfer"
 
 
-def _tables(study: Study, cell: Cell) -> tuple[Path, Path]:
-    """Where the rows of a cell's policy are kept, and those of the laws in its environment.
+def _tables(study: Study) -> dict[Path, tuple[Cell, bool]]:
+    """Where rows are kept -> of which finished cell, and whether of the laws in its environment.
 
-    Their names change with the policy, the environment and the robots, so that what was played
-    before such a change does not count.
+    Names change with the policy, the environment and the robots, so that what was played before
+    such a change does not count. Cells alike but for their seeds have the same laws.
     """
-    config, asked = cell.config, repr(study.transfer)
-    rest = {n: v for n, v in config.make_args().items() if n not in ("robot", "robots")}
-    laws = f"{environment_name(config.env)}-{config.action_layer}-laws"
-    names = ((config.folder.name, policy_digest(cell)), (laws, json.dumps(rest, sort_keys=True)))
-    place = _folder(study)
-    own, beside = (
-        f"{name}-{sha256((asked + what).encode()).hexdigest()[:8]}" for name, what in names
-    )
-    return place / f"{own}.csv", place / f"{beside}.csv"
+    found: dict[Path, tuple[Cell, bool]] = {}
+    for cell in (cell for cell in study.cells if is_finished(cell.config)):
+        config = cell.config
+        rest = {n: v for n, v in config.make_args().items() if n not in ("robot", "robots")}
+        laws = f"{environment_name(config.env)}-{config.action_layer}-laws"
+        own = (config.folder.name, policy_digest(cell)), (laws, json.dumps(rest, sort_keys=True))
+        for of_laws, (name, what) in enumerate(own):
+            digest = sha256((repr(study.transfer) + what).encode()).hexdigest()[:8]
+            found.setdefault(_folder(study) / f"{name}-{digest}.csv", (cell, bool(of_laws)))
+    return found
 
 
 def jobs(study: Study) -> Iterator[Job]:
     """Yield what has to be played: each finished policy, and once each layer's laws."""
-    transfer, planned = study.transfer, set[Path]()
+    transfer = study.transfer
     assert transfer is not None
-    for cell in study.cells:
-        if not is_finished(cell.config):
-            continue
-        for laws, out in enumerate(_tables(study, cell)):
-            if out in planned or out.is_file():
-                continue
-            planned.add(out)
+    for out, (cell, laws) in _tables(study).items():
+        if not out.is_file():
             gain = ("--gain", str(transfer.gain)) if laws and transfer.gain is not None else ()
             command = (
                 *(sys.executable, "-m", "eval.transfer", str(cell.config.folder)),
@@ -166,17 +162,11 @@ def _progress(out: Path) -> Progress:
 
 def kept(study: Study) -> list[dict[str, Any]]:
     """Return what has been played, each row with arm, layer and seed; of laws with the layer."""
-    found, laws = list[dict[str, Any]](), set[Path]()
-    for cell in study.cells:
-        if not is_finished(cell.config):
-            continue
-        own, beside = _tables(study, cell)
-        layer = {"layer": layer_name(cell.config.make_args())}
-        known = {"arm": cell.arm, "seed": cell.config.seed, **layer}
-        found += [known | row for row in read_rows(own)]
-        if beside not in laws:
-            laws.add(beside)
-            found += [{"arm": "", "seed": ""} | layer | row for row in read_rows(beside)]
+    found = list[dict[str, Any]]()
+    for file, (cell, laws) in _tables(study).items():
+        arm, seed = ("", "") if laws else (cell.arm, cell.config.seed)
+        known = {"arm": arm, "seed": seed, "layer": layer_name(cell.config.make_args())}
+        found += [known | row for row in read_rows(file)]
     return found
 
 
@@ -187,17 +177,14 @@ def played(study: Study, rows: list[dict[str, Any]]) -> list[Played]:
         own = [row for row in rows if row["arm"] == arm.name]
         if own:
             config = arm.cells[0].config
-            robots = each_name(config.robots or (config.robot or _usual(config),))
+            usual = str(registered(config.env).kwargs["robot"])
+            robots = each_name(config.robots or (config.robot or usual,))
             found.append(_played(arm.name, robots, own))
     laws = [row for row in rows if not row["arm"]]
     for which in dict.fromkeys((row["policy"], row["layer"]) for row in laws):
         own = [row for row in laws if (row["policy"], row["layer"]) == which]
         found.append(_played(which[0], (), own))
     return found
-
-
-def _usual(config: TrainConfig) -> str:
-    return str(registered(config.env).kwargs["robot"])
 
 
 def _played(name: str, learnt_with: tuple[str, ...], rows: list[dict[str, Any]]) -> Played:

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -24,24 +23,12 @@ _HELD = 0.25  # s that the push of a drag outlasts the last word of it
 _LATE = 0.1  # s of the session's time that are made up for, beyond them it is slower
 
 
-class Pace(NamedTuple):
-    """How a session keeps up.
+class Page:
+    """One session on one server; any number of viewers.
 
     Attributes:
-        time: s, of the robots.
-        wall: s, of the clock.
-        frames: drawn.
-        lost: s that were not made up for: the session was slower than the clock.
+        frames: that were drawn.
     """
-
-    time: float
-    wall: float
-    frames: int
-    lost: float
-
-
-class Page:
-    """One session on one server; any number of viewers."""
 
     def __init__(self, server: viser.ViserServer, session: Session) -> None:
         """Send the page."""
@@ -56,7 +43,7 @@ class Page:
         self._drawn = (-1, -1)
         self._overlaid = (-1, -1)
         self._due: dict[str, float] = {}
-        self.pace = Pace(0.0, 0.0, 0, 0.0)
+        self.frames = 0
 
     def _furnish(self) -> None:
         """Overlays and plots for the robots that there are."""
@@ -93,19 +80,12 @@ class Page:
                 return
             self._settle()
             step = 1.0 / (session.hz * session.settings["speed"])
-            behind, last = behind + now - last, now
-            lost = max(behind - step - _LATE, 0.0)
-            behind -= lost
+            behind, last = min(behind + now - last, step + _LATE), now
             while behind >= step:
                 behind -= step
                 self._step()
             self._draw(1.0 if session.settings["paused"] else behind / step)
-            self.pace = Pace(
-                time=session.steps / session.hz,
-                wall=time.perf_counter() - begun,
-                frames=self.pace.frames + 1,
-                lost=self.pace.lost + lost,
-            )
+            self.frames += 1
             frame = max(frame + 1.0 / DISPLAY_HZ, now)  # who is late does not catch up on frames
             self._stop.wait(max(frame - time.perf_counter(), 0.0))
 

@@ -7,6 +7,7 @@ import viser
 from viser import uplot
 
 from eval.play.lane import Lane
+from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.runtime.observer import BODY
 from fbid_gym.tasks.body_view import own_units
 
@@ -88,9 +89,8 @@ def _velocity(lane: Lane, walks: bool) -> np.ndarray:
     velocity = lane.batch.simulation.qvel[0, :2].copy()
     if not walks:
         return velocity
-    ahead = lane.batch.simulation.terms().world_from_trunk[0, :2, 0]
-    ahead = ahead / max(np.linalg.norm(ahead), 1e-9)
-    return np.array([ahead @ velocity, ahead[0] * velocity[1] - ahead[1] * velocity[0]])
+    trunk = lane.batch.simulation.terms().world_from_trunk[0]
+    return np.array(along(axes_of_trunk(trunk), *velocity))
 
 
 def _command(lane: Lane) -> np.ndarray:

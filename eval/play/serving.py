@@ -104,7 +104,7 @@ def measured(server: Any, session: Session, seconds: float) -> Share:
         while not (session.steps or session.settings["paused"]):
             page.run(0.1)  # the first step compiles
         page.run(min(2.0, seconds))  # until the viewer has what it needs
-        steps, frames = session.steps, page.pace.frames
+        steps, frames = session.steps, page.frames
         begun, busy = time.perf_counter(), time.process_time()
         page.run(seconds)
         wall, busy = time.perf_counter() - begun, time.process_time() - busy
@@ -114,5 +114,5 @@ def measured(server: Any, session: Session, seconds: float) -> Share:
     return Share(
         core=busy / wall,
         kept=(session.steps - steps) / session.hz / wall,
-        frames=(page.pace.frames - frames) / wall,
+        frames=(page.frames - frames) / wall,
     )

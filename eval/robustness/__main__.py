@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 
 from eval.page.docs import ROBUSTNESS_PAGE, command_block, splice, spliced
-from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
+from eval.robustness.arms import Arm, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
@@ -117,8 +117,7 @@ def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
             raise InvalidValueError(f"{name} in --env-args", further[name], f"none; see {option}")
     robot = chosen(config.robot, config.feet)
     further["episode_seconds"] = config.seconds
-    wanted = Wanted(config.env, config.arms)
-    arms, warnings = load_arms(config.runs, wanted, robot, further)
+    arms, warnings = load_arms(config.runs, config.env, config.arms, robot, further)
     env_id, env_args = config.env, {}
     if arms:
         first = arms[0].players[0]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from eval.comparable import check_comparable, group
 from eval.rollout import Player
@@ -14,8 +14,7 @@ from fbid_gym.robots import Robot
 from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
 from train.runs.proportional import ZERO
-from train.runs.reading import Run, layer_name, load
-from train.runs.study import Arm as StudyArm
+from train.runs.reading import layer_name, load
 from train.runs.study import Cell, arms, check_cells, read_study
 
 
@@ -32,31 +31,19 @@ class Arm:
     """Names of the runs, or of what a study has instead of one; none for a zero action."""
 
 
-class Wanted(NamedTuple):
-    """What of studies is tried.
-
-    Attributes:
-        env_id: runs in this environment alone; None for all.
-        arms: names of these alone; none for all.
-    """
-
-    env_id: str | None
-    arms: tuple[str, ...]
-
-    def has(self, arm: StudyArm) -> bool:
-        """Whether an arm is among it."""
-        named = not self.arms or arm.name in self.arms
-        return named and self.env_id in (None, arm.env)
-
-
 def load_arms(
-    paths: Sequence[Path], wanted: Wanted, robot: Robot | None, env_args: Mapping[str, Any]
+    paths: Sequence[Path],
+    env_id: str | None,
+    named: Sequence[str],
+    robot: Robot | None,
+    env_args: Mapping[str, Any],
 ) -> tuple[list[Arm], list[str]]:
     """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 
     Args:
         paths: run folders and policies; a `.toml` is a study.
-        wanted: of studies.
+        env_id: of studies, runs in this environment alone; None for all.
+        named: of studies, arms of these names alone; none for all.
         robot: to be played on instead of the one that they were trained on.
         env_args: replace those that they were trained with.
 
@@ -70,15 +57,26 @@ def load_arms(
     """
     studies = [(path, read_study(path)) for path in paths if path.suffix == ".toml"]
     runs = [load(path, robot) for path in paths if path.suffix != ".toml"]
-    found, warnings = _arms_of_runs(runs, env_args)
+    warnings = check_comparable(runs) if runs else []
+    found = [
+        Arm(
+            *(name, name, tuple(Player.of(run, **env_args) for run in its)),
+            tuple(run.path.name for run in its),
+        )
+        for name, its in group(runs).items()
+    ]
     known = dict.fromkeys(arm.name for _, study in studies for arm in arms(study))
-    check_choices("arm", wanted.arms, known or ("none: there is no study",))
+    check_choices("arm", named, known or ("none: there is no study",))
     for path, study in studies:
         check_cells(study)
-        its = [arm for arm in arms(study) if wanted.has(arm)]
+        its = [
+            arm
+            for arm in arms(study)
+            if env_id in (None, arm.env) and (not named or arm.name in named)
+        ]
         done = [arm.finished() for arm in its]
         if not any(done):
-            where = f" in {wanted.env_id}" if wanted.env_id else ""
+            where = f" in {env_id}" if env_id else ""
             raise RunError(
                 f"{path}: no run of the study has finished{where}: python -m train.sweep."
             )
@@ -104,19 +102,6 @@ def arm_of_cells(
     players = tuple(Player.of_cell(cell, robot, **env_args) for cell in cells)
     layer = layer_name(cells[0].config.make_args())
     return Arm(name, layer, players, tuple(cell.config.folder.name for cell in cells))
-
-
-def _arms_of_runs(runs: Sequence[Run], env_args: Mapping[str, Any]) -> tuple[list[Arm], list[str]]:
-    """Group runs as `eval.compare` does."""
-    if not runs:
-        return [], []
-    warnings = check_comparable(runs)
-    return [_arm(name, name, its, env_args) for name, its in group(runs).items()], warnings
-
-
-def _arm(name: str, layer: str, runs: Sequence[Run], env_args: Mapping[str, Any]) -> Arm:
-    players = tuple(Player.of(run, **env_args) for run in runs)
-    return Arm(name, layer, players, tuple(run.path.name for run in runs))
 
 
 def _check_arms(found: Sequence[Arm]) -> None:

@@ -77,11 +77,6 @@ def _signed(share: float) -> str:
     return f"+{percent(share)}" if share > 0 else percent(share).replace("-", "−")
 
 
-def _pushed(weights: float, config: EnvConfig) -> Changes:
-    newtons = weights * config.load_robot().weight
-    return {"push_force": (newtons, newtons)}
-
-
 def _fixed(
     name: str, unit: float = 1.0, nominal: float = 0.0
 ) -> Callable[[float, EnvConfig], Changes]:
@@ -148,17 +143,9 @@ def _steepest(config: EnvConfig) -> float:
     return float(np.degrees(np.arctan(hardest("slopes", config.load_robot())))) + 1e-9
 
 
-def _roughest(config: EnvConfig) -> float:
-    return hardest("roughness", config.load_robot()) + 1e-9
-
-
 def _stays(config: EnvConfig) -> str:
     walks = config.make_task(config.load_robot()).kind.gait
     return "" if walks else f"task {config.task!r} does not leave level ground"
-
-
-def _physics(stage: float, config: EnvConfig) -> Changes:
-    return dict(PAPERS_PHYSICS) if stage else {}
 
 
 def _exact(config: EnvConfig) -> str:
@@ -174,7 +161,7 @@ FACTORS = (
         "pushes",
         "size, share of the weight",
         (0.0, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2),
-        _pushed,
+        lambda weights, config: {"push_force": (weights * config.load_robot().weight,) * 2},
         "Every push of an episode has this size; its direction and time are as in training.",
     ),
     Factor(
@@ -285,7 +272,7 @@ FACTORS = (
         _uneven("roughness"),
         "Random heights, evenly joined; episodes begin on a level place among them.",
         nominal=0.0,
-        most=_roughest,
+        most=lambda config: hardest("roughness", config.load_robot()) + 1e-9,
         missing=_stays,
     ),
     Factor(
@@ -325,7 +312,7 @@ FACTORS = (
         "the papers' physics",
         "",
         (0.0, 1.0),
-        _physics,
+        lambda stage, config: dict(PAPERS_PHYSICS) if stage else {},
         "From the light physics that policies learn in to those of the papers' experiments: law at "
         "500 Hz, physics at 1 kHz, elliptic friction cones, a contact solver that is not stopped.",
         nominal=0.0,

@@ -32,7 +32,8 @@ def headline(found: Robustness) -> str:
     """State the finding in one sentence."""
     quantities = areas(found)
     if not quantities:
-        return f"{capital(_joined(list(found.arms)))} along {_joined(list(_names(found.along)))}"
+        factors = [along.name for along in found.along]
+        return f"{capital(_joined(list(found.arms)))} along {_joined(factors)}"
     if len(found.arms) == 1:
         (arm,) = found.arms
         share = {one.name: one.curves["survived"][arm].summary.value for one in quantities}
@@ -69,10 +70,6 @@ def _standing(found: Robustness, measure: str, what: str) -> str:
     parts = [f"{arm} {what} along {_joined(led[arm])}" for arm in order]
     rest = f"; along {_joined(level)} none is clearly ahead" if level else ""
     return f"{capital('; '.join(parts))}{rest}."
-
-
-def _names(along: Sequence[Along]) -> list[str]:
-    return [one.name for one in along]
 
 
 def _joined(names: Sequence[str]) -> str:

@@ -74,8 +74,7 @@ def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
         spliced(page, "")
     check_output(file, "csv", (".csv",))
     rows = list(measured(todo, table, file, config.overwrite))
-    head, *lines = short(table, rows)
-    text = markdown_table(head, lines)
+    text = markdown_table(*short(table, rows))
     print(f"\n{text}")
     if config.write_docs:
         splice(page, f"{said(table, rows, page)}\n\n{command_block(command)}\n\n{text}")
@@ -132,22 +131,23 @@ def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     )
 
 
-def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
-    """Yield the lines of the short table, the head first."""
-    across = list(dict.fromkeys(row[table.across] for row in rows))
-    yield [name.replace("_", " ") for name in (*table.rows, *across)]  # so that pages can wrap it
+def short(table: Table, rows: Sequence[Row]) -> tuple[list[str], list[Sequence[str]]]:
+    """Return heads and lines of the short table."""
+    across, lines = list(dict.fromkeys(row[table.across] for row in rows)), list[Sequence[str]]()
     for line in dict.fromkeys(tuple(row[name] for name in table.rows) for row in rows):
         its = [row for row in rows if tuple(row[name] for name in table.rows) == line]
         by_value = [[row for row in its if row[table.across] == value] for value in across]
         if "torque_nm" in table.numbers:
-            yield *line, *(matched(some[0], its[0]) for some in by_value)
+            lines.append([*line, *(matched(some[0], its[0]) for some in by_value)])
         else:
             sums = [Sum.over(some, table.error) for some in by_value]
             words = [one.words(sums[0] if table.compared else None) for one in sums]
             for name in table.more:
                 means = (Sum.over(some, name).error for some in by_value)
                 words = [f"{said}, {m:.3f}" for said, m in zip(words, means, strict=True)]
-            yield *line, *words
+            lines.append([*line, *words])
+    # So that pages can wrap them.
+    return [name.replace("_", " ") for name in (*table.rows, *across)], lines
 
 
 def matched(row: Row, first: Row) -> str:

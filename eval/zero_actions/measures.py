@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def walk(
     def by_law(seen: np.ndarray) -> np.ndarray:
         return np.clip(seen @ law, -1.0, 1.0)
 
-    told = play(batch, count, seed, policy if law is None else by_law)
+    told = play(batch, seed, policy if law is None else by_law)
     up = int(told["up"][-1].sum())
     low, high = binomtest(up, count).proportion_ci(method="wilson")
     numbers = summarised(told, batch.rates.policy, batch.robot.weight)
@@ -59,18 +59,26 @@ def walk(
     return cells | {"up": str(up), "score_of_each": " ".join(f"{each:.4g}" for each in scores)}
 
 
-def play(batch: EnvBatch, count: int, seed: int, act: Actor | None = None) -> dict[str, np.ndarray]:
+def begin(batch: EnvBatch, seed: int) -> None:
+    """Begin an episode of every robot; robot i starts from seed + i."""
+    for env in range(batch.num_envs):
+        batch.seed(env, np.random.default_rng(seed + env))
+    batch.reset(np.arange(batch.num_envs))
+
+
+def play(
+    batch: EnvBatch, seed: int, act: Actor | None = None, told: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
     """Play until all robots fell, and return what happened, see `summarised`.
 
     Args:
         batch: of environments.
-        count: of them.
         seed: robot i starts from seed + i.
         act: from observations to actions; None for the zero action.
+        told: entries of the environments' info to return, too.
     """
-    for env in range(count):
-        batch.seed(env, np.random.default_rng(seed + env))
-    batch.reset(np.arange(count))
+    begin(batch, seed)
+    count = batch.num_envs
     action, up = np.zeros((count, len(batch.action_names))), np.ones(count, bool)
     found = defaultdict[str, list[np.ndarray]](list)
     names = {name: column for column, name in enumerate(batch.observation_names)}
@@ -82,6 +90,8 @@ def play(batch: EnvBatch, count: int, seed: int, act: Actor | None = None) -> di
         up = up & ~step.terminated
         found["up"].append(up)
         found["reward"].append(step.reward)
+        for name in told:
+            found[name].append(step.info[name])
         if "commanded yaw rate (rad/s)" in names:
             asked = [names[f"commanded velocity {way} (m/s)"] for way in ways]
             turn = step.observation[:, names["commanded yaw rate (rad/s)"]]

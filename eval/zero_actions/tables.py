@@ -332,7 +332,13 @@ def cases(config: ZeroActionConfig) -> list[Case]:
             raise InvalidValueError(name, value, f"none for the table {config.table!r}")
     if config.robots == ():
         raise InvalidValueError("robots", [], "one or more")
-    found = [case for name in config.robots or table.robots for case in _of(name, config, table)]
+    table = table._replace(
+        robots=config.robots or table.robots,
+        layers=config.layers or table.layers,
+        episodes=config.episodes or table.episodes,
+        seconds=config.seconds or table.seconds,
+    )
+    found = [case for name in table.robots for case in _of(name, config, table)]
     found += [case for name in table.policies for case in _acting(name, config, table)]
     for word in config.only:
         name, _, text = word.partition("=")
@@ -347,16 +353,15 @@ def cases(config: ZeroActionConfig) -> list[Case]:
 
 def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
     """Yield the rows of a robot."""
-    count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
+    count = table.episodes
     cells = _shared(config, table) | ({"acts": "zero action"} if table.policies else {})
-    layers = config.layers or table.layers
     if config.table == "noise":
-        for layer in layers:
+        for layer in table.layers:
             names = {"env": name, "layer": layer, **cells, "seconds": "", "push": ""}
             yield Case(names, partial(noise, name, layer, count, config.seed))
         return
     its, robot = (_drawn if config.table == "zoo" else _named)(name, config.feet)
-    run = {"episode_seconds": seconds, "robot": robot}
+    run = {"episode_seconds": table.seconds, "robot": robot}
     walks, refused = [], None
     for levels in product(*(values.items() for values in table.factors.values())):
         own = {key: value for _, level in levels for key, value in level.items()}
@@ -371,7 +376,7 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
             refused = error
     if refused and not walks:
         raise refused
-    for layer, (names, arguments, gain, told) in product(layers, walks):
+    for layer, (names, arguments, gain, told) in product(table.layers, walks):
         if not told.keys() <= layer_options(layer).keys():
             continue
         its_own = arguments | {"action_layer": layer} | ({"layer_options": told} if told else {})
@@ -384,22 +389,20 @@ def _acting(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]
     policy = load_policy(place_of(PREFIX + name))
     own = ENVIRONMENTS[policy.env_id] | dict(policy.env_args)
     robot, layer = own["robot"], own["action_layer"]
-    if robot in (config.robots or table.robots) and layer in (config.layers or table.layers):
-        count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
-        own |= {"push_force": (config.push, config.push), "episode_seconds": seconds}
+    if robot in table.robots and layer in table.layers:
+        own |= {"push_force": (config.push, config.push), "episode_seconds": table.seconds}
         ((factor, levels),) = table.factors.items()
         for value, level in levels.items():
             if "told" in level:  # a policy's layer has the options with which it was trained
                 continue
             cells = {"robot": robot, "layer": layer, "acts": "policy", factor: value}
-            measure = partial(walk, {**own, **level}, count, config.seed, policy)
+            measure = partial(walk, {**own, **level}, table.episodes, config.seed, policy)
             yield Case(cells | _shared(config, table), measure)
 
 
 def _shared(config: ZeroActionConfig, table: Table) -> Row:
     """The cells of options that all rows of a run share."""
-    count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
-    values = (str(count), f"{seconds:g}", f"{config.push:g}", str(config.seed))
+    values = (str(table.episodes), f"{table.seconds:g}", f"{config.push:g}", str(config.seed))
     return dict(zip(SHARED, values, strict=True))
 
 
