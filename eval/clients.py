@@ -101,7 +101,9 @@ def main(config: ClientsConfig) -> None:
     """Print a row for each."""
     known = {client.name: client for client in clients()}
     check_choices("client", config.only, known)
-    rows = dict(re.findall(r"^\| (\S+) (\| .* \|)$", _table(), re.M))
+    first, last = marks()
+    table = CLIENTS_PAGE.read_text().partition(first)[2].partition(last)[0]
+    rows = dict(re.findall(r"^\| (\S+) (\| .* \|)$", table, re.M))
     for name in config.only or known:
         client = known[name]
         if reason := client.lacks():
@@ -115,11 +117,6 @@ def main(config: ClientsConfig) -> None:
         head = markdown_table(("Library", "Version", "gymnasium", "Frames/s"), (), 3)
         body = [f"| {name} {rows[name]}" for name in known if name in rows]
         splice(CLIENTS_PAGE, "\n".join([head, *body]))
-
-
-def _table() -> str:
-    first, last = marks()
-    return CLIENTS_PAGE.read_text().partition(first)[2].partition(last)[0]
 
 
 def _version(distribution: str) -> str:

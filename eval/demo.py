@@ -123,6 +123,7 @@ def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
         rows = read_rows(RunFolder.of(training.folder).evaluations)
         first, last = rows[0], rows[-1]
         best = max(float(row["return_mean"]) for row in rows)
+        error = float(last.get("velocity_error", "nan"))  # NaN where nothing is commanded
         found.add_row(
             layer,
             str(seed),
@@ -130,16 +131,10 @@ def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
             f"{float(last['return_mean']):.0f}",
             f"{best:.0f}",
             f"{float(last['survival']):.0%}",
-            _error(last),
+            f"{error:.3f} m/s" if math.isfinite(error) else "–",
             f"{float(last['wall_seconds']) / 60:.1f}",
         )
     return found
-
-
-def _error(row: Mapping[str, str]) -> str:
-    """Write the velocity error of an evaluation; a dash where nothing is commanded."""
-    error = float(row.get("velocity_error", "nan"))
-    return f"{error:.3f} m/s" if math.isfinite(error) else "–"
 
 
 def main(config: DemoConfig) -> int:

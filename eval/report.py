@@ -12,7 +12,7 @@ from eval.comparison import Clips
 from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, Strip, panel, strips
 from eval.page.html import render
-from eval.results import Comparison, Layer, Pair
+from eval.results import Comparison, Layer
 from eval.statistics import coverage_ceiling
 from eval.wording import capital, count, crossing, form_of, interval, number, percent, steps
 from train.episodes import METRICS, Metric
@@ -130,17 +130,14 @@ def headline(c: Comparison) -> str:
     one, other = capital(first.name), second.name
     if min(first.seeds, second.seeds) < 2:
         said = f"{one} ended above {other}, but one run cannot say whether the next would"
-    elif not _clearly_ahead(pair):
+    elif pair.difference.low is None or pair.difference.low <= 0:  # zero is in the interval
         said = f"No clear difference in return between {first.name} and {other}"
     elif pair.p_value <= 1 - c.settings.confidence:
         said = f"{one} returns more than {other} (p = {number(pair.p_value, 2)})"
     else:
-        all_of = pair.probability.value == 1
-        said = (
-            f"Every seed of {first.name} returns more than every seed of {other}"
-            if all_of
-            else (f"{one} returned more than {other}")
-        )
+        said = f"{one} returned more than {other}"
+        if pair.probability.value == 1:
+            said = f"Every seed of {first.name} returns more than every seed of {other}"
         said += (
             f", but {count(first.seeds, 'seed')} against "
             f"{count(second.seeds, 'seed').split()[0]} cannot rule out chance"
@@ -148,26 +145,17 @@ def headline(c: Comparison) -> str:
     return f"{said}: {_numbers(c, [first, second])}."
 
 
-def _clearly_ahead(pair: Pair) -> bool:
-    """Whether the interval of the difference leaves zero out."""
-    return pair.difference.low is not None and pair.difference.low > 0
-
-
 def _numbers(c: Comparison, layers: Sequence[Layer]) -> str:
     """Say what the layers come to in the units of the task, "against" one another."""
-
-    def against(values: Sequence[str]) -> str:
-        return " against ".join(values)
-
     parts = []
     known = [m for m in ("velocity_error", "returned") if _known(c, _BY_NAME[m])]
     metric = _BY_NAME[known[0]] if known else METRICS[0]
     values = [form_of(metric)(layer.metrics[metric.name].value) for layer in layers]
-    parts.append(f"{metric.label} {against(values)} {metric.unit}".strip())
+    parts.append(f"{metric.label} {' against '.join(values)} {metric.unit}".strip())
     if c.sweep:
         shares = np.array([[point.value for point in layer.sweep] for layer in layers])
         at = int(np.argmax(np.ptp(shares, axis=0))) if len(layers) > 1 else len(c.sweep) - 1
-        up = against([percent(share) for share in shares[:, at]])
+        up = " against ".join(percent(share) for share in shares[:, at])
         most = ", where they differ most" if len(layers) > 1 and len(c.sweep) > 1 else ""
         parts.append(f"{up} stay up under pushes of {number(c.sweep[at])} N{most}")
     return "; ".join(parts)
@@ -201,10 +189,8 @@ def lede(c: Comparison) -> list[str]:
 
 def caution(c: Comparison) -> str:
     """Say what so few seeds cannot say; nothing from five seeds a layer on."""
-    fewest, more = (
-        c.fewest_seeds,
-        "Train at least five seeds a layer before believing a difference.",
-    )
+    fewest = c.fewest_seeds
+    more = "Train at least five seeds a layer before believing a difference."
     if fewest >= 5:
         return ""
     if fewest < 2:

@@ -58,10 +58,6 @@ def in_bullet(
     return Outcomes(*map(np.array, zip(*each, strict=True)))
 
 
-def _level(places: np.ndarray) -> np.ndarray:
-    return np.zeros(len(places))
-
-
 def _episode(
     controller: Controller, world: BulletWorld, batch: EnvBatch, seed: int
 ) -> tuple[float, bool, float]:
@@ -73,7 +69,7 @@ def _episode(
         controller.loop.plan[name][:] = value
     world.place(batch.simulation.qpos[0], batch.simulation.qvel[0])
     errors: list[float] = []
-    level = _level if controller.sees_ground else None
+    level = (lambda places: np.zeros(len(places))) if controller.sees_ground else None
     for step in range(batch.num_steps + 1):
         pushed = task.pushes.during(plan, only + step * rates.ticks, rates.ticks, rates.control)
         for tick, push in enumerate(pushed.force):

@@ -28,17 +28,12 @@ def to_query(offered: Mapping[str, Control], settings: Settings) -> str:
     return urlencode(written, safe="/:", quote_via=quoted)
 
 
-def from_query(offered: Mapping[str, Control], query: str) -> Settings:
-    """Return the settings that a query names; an empty one names none.
+def words_of(query: str) -> dict[str, str]:
+    """Return the words of a query by the names that they are for; an empty one names none.
 
     Raises:
-        FbidError: not such a query, or a value that may not be set.
+        InvalidValueError: not such a query.
     """
-    return from_words(offered, words_of(query))
-
-
-def words_of(query: str) -> dict[str, str]:
-    """Return the words of a query by the names that they are for; raises as `from_query`."""
     expected = "a link as the page shows it, with each setting once"
     if len(query) > _LONGEST:
         raise InvalidValueError("link", query[:40], expected)
@@ -54,7 +49,7 @@ def words_of(query: str) -> dict[str, str]:
 
 
 def from_words(offered: Mapping[str, Control], words: Mapping[str, str]) -> Settings:
-    """Return the settings that words stand for; raises as `from_query`."""
+    """Return the settings that words stand for; FbidError for a value that may not be set."""
     return {n: checked(offered, n, _value(offered, n, word)) for n, word in words.items()}
 
 

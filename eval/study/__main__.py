@@ -28,7 +28,7 @@ from eval.study import fresh
 from eval.study.cells import policy_digest, robustness_file
 from eval.study.findings import checked_reference, findings
 from eval.study.page import page
-from eval.study.results import RETURN, ArmFound, Findings, Settings
+from eval.study.results import RETURN, Findings, Settings
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
@@ -129,7 +129,8 @@ def film(
     clips, missing = {}, []
     done = [arm for arm in found.arms if arm.ready]
     for k, arm in enumerate(done):
-        name = _median(arm)
+        ranked = sorted(zip(arm.each[RETURN.name], arm.counted, strict=True))
+        name = ranked[(len(ranked) - 1) // 2][1]
         tell(k, len(done), name)
         try:
             clip = filmed(Player.of_cell(cells[name]), found.settings.seed, seconds, "")
@@ -139,11 +140,6 @@ def film(
         note = f"{arm.policy or f'seed {cells[name].config.seed}'}, {fate(clip)}"
         clips[arm.env_id, arm.name] = Shown(arm.name, colour[arm.name], note, clip)
     return clips, missing
-
-
-def _median(arm: ArmFound) -> str:
-    ranked = sorted(zip(arm.each[RETURN.name], arm.counted, strict=True))
-    return ranked[(len(ranked) - 1) // 2][1]
 
 
 def measure_robustness(config: StudyConfig, study: Study, console: Console) -> None:

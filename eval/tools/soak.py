@@ -128,11 +128,9 @@ def rows(found: list[Soaked]) -> list[str]:
     for one in found:
         growth = f"{100 * one.growth:+.2f} %{'' if one.held else ' (missed)'}"
         cells = [f"`{one.layer}`", f"{one.steps:,}", f"{one.ticks:,}", str(one.lost)]
-        cells += [f"{one.resets:,}"]
-        cells += [f"{one.last.memory / 2**20:.0f}", growth]
-        cells += [f"{one.first.files} → {one.last.files}"]
-        cells += [f"{one.first.threads} → {one.last.threads}"]
-        lines.append(cells)
+        cells += [f"{one.resets:,}", f"{one.last.memory / 2**20:.0f}", growth]
+        held = (one.first.files, one.last.files), (one.first.threads, one.last.threads)
+        lines.append([*cells, *(f"{first} → {last}" for first, last in held)])
     return markdown_table(_HEAD, lines).splitlines()
 
 
@@ -149,8 +147,8 @@ def main(config: SoakConfig) -> int:
     total = sum(one.steps for one in found)
     head = (
         f"{total:,} environment steps of `{config.env}` on {count(config.num_threads, 'thread')}, "
+        f"{config.num_envs} robots side by side, in {minutes:.1f} minutes.\n\n"
     )
-    head += f"{config.num_envs} robots side by side, in {minutes:.1f} minutes.\n\n"
     if config.write_docs:
         splice(RELIABILITY_PAGE, head + "\n".join(rows(found)), "soak")
     return 0 if all(one.held for one in found) else 1

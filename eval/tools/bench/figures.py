@@ -69,29 +69,15 @@ class Section:
     def markdown(self) -> str:
         """Return heading, note and table."""
         head = ["", "cost", self.unit, "quartiles", "limit"]
-        rows = [
-            [
-                figure.what,
-                figure.cost,
-                f"**{short(figure.value)}**",
-                _quartiles(figure),
-                _verdict(figure),
-            ]
-            for figure in self.figures
-        ]
+        rows = []
+        for figure in self.figures:
+            low, high, limit = figure.low, figure.high, figure.limit
+            quartiles = "" if low == high else f"{short(low)} – {short(high)}"
+            missed = limit is not None and not limit.met_by(figure.value)
+            verdict = f"{limit or ''}{' (missed)' if missed else ''}"
+            cells = (figure.what, figure.cost, f"**{short(figure.value)}**", quartiles, verdict)
+            rows.append(cells)
         return f"**{self.title}.** {self.note}\n\n{markdown_table(head, rows)}"
-
-
-def _quartiles(figure: Figure) -> str:
-    if figure.low == figure.high:
-        return ""
-    return f"{short(figure.low)} – {short(figure.high)}"
-
-
-def _verdict(figure: Figure) -> str:
-    if figure.limit is None:
-        return ""
-    return f"{figure.limit}{'' if figure.limit.met_by(figure.value) else ' (missed)'}"
 
 
 def short(value: float) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import cast
 
 import gymnasium as gym
@@ -33,12 +34,8 @@ OURS = "Humanoid-v5, our settings"
 USUAL = "Humanoid-v5, stable-baselines3's settings"
 
 
-def _humanoid() -> gym.Env:
-    return gym.make("Humanoid-v5")
-
-
 def _humanoids() -> SubprocVecEnv:
-    return SubprocVecEnv([_humanoid] * WORKERS)
+    return SubprocVecEnv([partial(gym.make, "Humanoid-v5")] * WORKERS)
 
 
 def frames(layers: list[str], rounds: int) -> Section:
@@ -69,7 +66,9 @@ def frames(layers: list[str], rounds: int) -> Section:
     sizes = {name: its.config.iteration_steps for name, its in stretches.items()}
     sizes[USUAL] = usual.n_steps * usual.n_envs
     try:
-        work: dict[str, Callable[[], None]] = {**stretches, USUAL: lambda: _learn_more(usual)}
+        # An iteration as stable-baselines3 goes on with it.
+        more = partial(usual.learn, sizes[USUAL], reset_num_timesteps=False)
+        work: dict[str, Callable[[], object]] = {**stretches, USUAL: more}
         seconds = in_turns({name: seconds_of(its) for name, its in work.items()}, rounds)
     finally:
         for stretch in stretches.values():
@@ -104,8 +103,3 @@ class _Learning:
 
     def __call__(self) -> None:
         ALGORITHMS["ppo"].iterate(self.learner, self.config, self.callback)
-
-
-def _learn_more(learner: PPO) -> None:
-    """Go on with a training by an iteration, as stable-baselines3 does."""
-    learner.learn(learner.n_steps * learner.n_envs, reset_num_timesteps=False)

@@ -85,8 +85,8 @@ def chart(layer: str, responses: dict[str, Response]) -> str:
     others = [each for name, each in responses.items() if name != layer]
 
     def drawn(quantity: str, title: str, top: float) -> str:
-        singles = [(each.time, _below(top, getattr(each, quantity))) for each in others]
-        value = _below(top, getattr(own, quantity))
+        singles = [(each.time, np.minimum(getattr(each, quantity), top)) for each in others]
+        value = np.minimum(getattr(own, quantity), top)
         line = Series(words, colours_of([words])[words], own.time, value, singles=singles)
         marks, span = Marks(upright=0.0), (-_BEFORE, _AFTER)
         return panel([line], title, "s", x_range=span, y_range=(0.0, top), marks=marks)
@@ -97,10 +97,6 @@ def chart(layer: str, responses: dict[str, Response]) -> str:
             drawn("torque", "rms torque (N·m)", 25.0),
         ]
     )
-
-
-def _below(top: float, values: list[float]) -> list[float]:
-    return [min(value, top) for value in values]
 
 
 def film(scene: Scene, seconds: float = _SECONDS) -> bytes:

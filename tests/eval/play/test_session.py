@@ -9,7 +9,7 @@ import pytest
 from eval.play.controls import controls
 from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
-from eval.play.texts import from_query, to_query
+from eval.play.texts import from_words, to_query, words_of
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.options import Choice, Flag, Number
@@ -229,13 +229,11 @@ def test_it_opens_on_a_robot_that_walks_and_says_how_fast():
 
 def other(control: Any) -> Any:
     """Another value than at the start."""
-    kind = control.kind
-    if isinstance(kind, Choice):
-        return next(choice for choice in kind.names if choice != control.default)
-    if isinstance(kind, Flag):
-        return not control.default
+    kind, now = control.kind, control.default
+    if isinstance(kind, Choice | Flag):
+        return next(each for each in getattr(kind, "names", (True, False)) if each != now)
     assert isinstance(kind, Number)
-    return kind.most if control.default == kind.least else kind.least
+    return kind.most if now == kind.least else kind.least
 
 
 def test_every_setting_travels_by_link_and_acts_elsewhere():
@@ -253,10 +251,11 @@ def test_every_setting_travels_by_link_and_acts_elsewhere():
     assert all(session.settings[n] != each.default for n, each in session.offered.items())
     for there in (here, elsewhere):
         offered = Session(there).offers("quadruped")
-        given = from_query(offered, to_query(session.offered, session.settings))
+        given = from_words(offered, words_of(to_query(session.offered, session.settings)))
         assert Session(there, given).settings == session.settings
     untouched = Session(here)
-    given = from_query(controls(elsewhere), to_query(untouched.offered, untouched.settings))
+    words = words_of(to_query(untouched.offered, untouched.settings))
+    given = from_words(controls(elsewhere), words)
     assert Session(elsewhere, given).settings == untouched.settings
 
 
