@@ -72,19 +72,16 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
     warnings = []
     trained = [run for run in runs if run.config is not None]
     for run in trained[1:]:
-        different = training_differences(trained[0].config or {}, run.config or {})
-        if different:
-            warnings.append(
-                f"{run.path.name} was not trained like {trained[0].path.name}: "
-                f"{in_words(different)}. The layer is not the only difference."
-            )
-        evaluated = differences(_evaluation(trained[0]), _evaluation(run))
-        if evaluated:
-            warnings.append(
-                f"{run.path.name} was not evaluated like {trained[0].path.name}: "
-                f"{in_words(evaluated)}. So their learning curves, and the times read from them, "
-                "are not quite of the same."
-            )
+        first, own = trained[0].config or {}, run.config or {}
+        evaluations = ({"eval": config.get("eval", {})} for config in (first, own))
+        curves = "So their learning curves, and the times read from them, are not quite of the same"
+        for done, different, so in (
+            ("trained", training_differences(first, own), "The layer is not the only difference"),
+            ("evaluated", differences(*evaluations), curves),
+        ):
+            if different:
+                unlike = f"{run.path.name} was not {done} like {trained[0].path.name}"
+                warnings.append(f"{unlike}: {in_words(different)}. {so}.")
     for layer, members in group(trained).items():
         seeds = [run.seed for run in members]
         twice = sorted({seed for seed in seeds if seeds.count(seed) > 1 and seed is not None})
@@ -99,11 +96,6 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
         described = ", ".join(f"{layer} {count}" for layer, count in counts.items())
         warnings.append(f"The layers have different numbers of runs: {described}.")
     return warnings
-
-
-def _evaluation(run: Run) -> dict[str, Any]:
-    """How a run was evaluated in training."""
-    return {"eval": (run.config or {}).get("eval", {})}
 
 
 _ORIGINS = {"platform": "machines", "commit": "commits of this project"}

@@ -6,7 +6,6 @@ contacts give way like springs. Both integrate the same multibody dynamics.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any, NamedTuple
 
 import mujoco
@@ -33,17 +32,6 @@ class _Link(NamedTuple):
     joint: int  # of the model; -1: it is fixed
     body: int  # of the model whose mass and shapes it has; -1: it has none
     anchor: np.ndarray  # (3,) m, of the joint in the body's frame
-
-
-class _Client:
-    """Bullet's functions on a world of their own."""
-
-    def __init__(self, bullet: Any) -> None:
-        self._bullet, self._number = bullet, bullet.connect(bullet.DIRECT)
-
-    def __getattr__(self, name: str) -> Any:
-        found = getattr(self._bullet, name)
-        return partial(found, physicsClientId=self._number) if callable(found) else found
 
 
 class BulletWorld:
@@ -73,13 +61,14 @@ class BulletWorld:
         """
         try:
             import pybullet
+            from pybullet_utils.bullet_client import BulletClient
         except ModuleNotFoundError as error:
             raise FbidError(
                 "Another physics engine needs pybullet, which is not installed. It comes with the "
                 "extra 'bullet': pip install 'fbid_gym[bullet]'."
             ) from error
-        self.robot, self.hz, self._engine = robot, hz, _Client(pybullet)
-        engine, model = self._engine, robot.model
+        self.robot, self.hz, model = robot, hz, robot.model
+        self._engine = engine = BulletClient(pybullet.DIRECT)  # a world of its own
         engine.setGravity(0.0, 0.0, -robot.gravity)
         engine.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / hz, numSolverIterations=_ITERATIONS, deterministicOverlappingPairs=1

@@ -10,7 +10,7 @@ from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, panel, sheet
 from eval.page.html import render
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
-from eval.robustness.tables import BY_NAME, cell, heading, more_is_better, summary, written
+from eval.robustness.tables import BY_NAME, cell, heading, means, written
 from eval.robustness.wording import headline, lede
 from eval.wording import percent
 
@@ -30,7 +30,7 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
         headline=headline(found),
         lede=lede(found),
         seconds=float(found.env_args.get("episode_seconds") or 0.0),
-        areas=areas(found),
+        areas=means(found),
         factors=[(BY_NAME[along.name], along, panels(found, along), _tables(found, along))
                  for along in found.along],
         dashed=bool(zeros.keys() & trained),
@@ -38,11 +38,6 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
         samples=SAMPLES,
         command=shlex.join(command),
     )  # fmt: skip
-
-
-def areas(found: Robustness) -> list[tuple[str, bool, list[str], list[list[str]]]]:
-    """Return of each measure its heading, whether more is better, and the table of its means."""
-    return [(heading(m), more_is_better(m), *summary(found, m)) for m in found.measures]
 
 
 def drawn(found: Robustness) -> str:

@@ -96,23 +96,26 @@ def _kept(name: str, measures: dict[str, dict[str, list[dict[str, str]]]]) -> Al
     return Along(name, numbered, curves, nominal)
 
 
-def summary(found: Robustness, measure: str) -> tuple[list[str], list[list[str]]]:
-    """Return heads and rows of the areas of one measure; the changes last, which say so."""
-    rows = []
-    for along in found.along:
-        staged = BY_NAME[along.name].stages
-        name = f"{along.name}, change" if staged else along.name
-        curves = along.curves[measure].values()
-        rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
-    return ["along", *(arm.replace("_", " ") for arm in found.arms)], rows
+def means(found: Robustness) -> list[tuple[str, bool, list[str], list[list[str]]]]:
+    """Return of each measure its heading, whether more is better, and the table of its means.
+
+    That is heads, and rows of areas; the changes last, which say so.
+    """
+    tables, heads = [], ["along", *(arm.replace("_", " ") for arm in found.arms)]
+    for measure in found.measures:
+        rows = []
+        for along in found.along:
+            name = f"{along.name}, change" if BY_NAME[along.name].stages else along.name
+            curves = along.curves[measure].values()
+            rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
+        tables.append((heading(measure), more_is_better(measure), heads, rows))
+    return tables
 
 
 def shown(found: Robustness) -> Iterator[Table]:
     """Yield the areas as tables for a terminal."""
-    for measure in found.measures:
-        heads, rows = summary(found, measure)
-        better = "more" if more_is_better(measure) else "less"
-        title = f"{heading(measure)}: mean along each factor ({better} is better)"
+    for measured, more, heads, rows in means(found):
+        title = f"{measured}: mean along each factor ({'more' if more else 'less'} is better)"
         table = Table(title=title, title_justify="left")
         table.add_column(heads[0])
         for head in heads[1:]:
@@ -136,7 +139,7 @@ def said(found: Robustness) -> str:
 
 def markdown(found: Robustness) -> str:
     """Return the areas as Markdown."""
-    parts = []
-    for measure in found.measures:
-        parts.append(f"{heading(measure)}:\n\n{markdown_table(*summary(found, measure), left=1)}")
-    return "\n\n".join(parts)
+    return "\n\n".join(
+        f"{measured}:\n\n{markdown_table(heads, rows, left=1)}"
+        for measured, _, heads, rows in means(found)
+    )

@@ -14,18 +14,14 @@ def leader(along: Along, measure: str) -> str:
     """Return the arm that is clearly ahead along a factor: its interval lies beyond all others'."""
     sign = 1.0 if more_is_better(measure) else -1.0
     curves = along.curves[measure]
-    order = sorted(curves, key=lambda arm: -sign * curves[arm].summary.value)
-    best = curves[order[0]].summary
-    if best.low is None or best.high is None or len(order) < 2:
+    best, *others = sorted(curves, key=lambda arm: -sign * curves[arm].summary.value)
+    ends = {
+        arm: sorted(sign * end for end in (its.summary.low, its.summary.high) if end is not None)
+        for arm, its in curves.items()
+    }
+    if not others or not all(map(len, ends.values())):
         return LEVEL
-    worst_of_best = min(sign * best.low, sign * best.high)
-    for arm in order[1:]:
-        other = curves[arm].summary
-        if other.low is None or other.high is None:
-            return LEVEL
-        if max(sign * other.low, sign * other.high) >= worst_of_best:
-            return LEVEL
-    return order[0]
+    return best if all(ends[arm][-1] < ends[best][0] for arm in others) else LEVEL
 
 
 def headline(found: Robustness) -> str:

@@ -13,8 +13,8 @@ from eval.page.figures import Series, Strip, panel, strips
 from eval.page.html import render
 from eval.results import Crossing
 from eval.robustness.curves import CONFIDENCE, Robustness
-from eval.robustness.page import areas, panels
-from eval.robustness.tables import BY_NAME
+from eval.robustness.page import panels
+from eval.robustness.tables import BY_NAME, means
 from eval.study.pace import Pace
 from eval.study.results import (
     CURVES,
@@ -116,7 +116,7 @@ def _environment(
         "clips": [shown for (env, _), shown in clips.items() if env == env_id],
         "drawn": legend(env_id),
         "robustness": robustness,
-        "areas": [] if robustness is None else areas(robustness),
+        "areas": [] if robustness is None else means(robustness),
         "confidence": percent(CONFIDENCE),
         "stood": stood,
     }

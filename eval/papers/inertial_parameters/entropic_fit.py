@@ -19,6 +19,7 @@ the data hardly tell come out as exactly as the data allow.
 """
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from eval.papers.inertial_parameters.excitation import BASIS
 
@@ -71,7 +72,7 @@ def fit(
         gap = float(np.mean(size**2))
         aim = max(weight, centring * gap)
         target = aim / size[:, None] * np.eye(4)  # (B, 4, 4), aim D^-1
-        metric = _block_diagonal(_coordinates(_between(inverse[:, None], BASIS)).mT) @ directions
+        metric = block_diag(*_coordinates(_between(inverse[:, None], BASIS)).mT) @ directions
         step, *_ = np.linalg.lstsq(
             np.concatenate([moved, metric]),
             np.concatenate(
@@ -123,11 +124,3 @@ def _between(left: np.ndarray, matrices: np.ndarray) -> np.ndarray:
 def _coordinates(matrices: np.ndarray) -> np.ndarray:
     """Coordinates (..., 10) of symmetric matrices (..., 4, 4) in the basis."""
     return np.tensordot(matrices, BASIS, axes=((-2, -1), (1, 2)))
-
-
-def _block_diagonal(blocks: np.ndarray) -> np.ndarray:
-    """One matrix (10 B, 10 B) from (B, 10, 10)."""
-    count = len(blocks)
-    result = np.zeros((count, 10, count, 10))
-    result[np.arange(count), :, np.arange(count)] = blocks
-    return result.reshape(10 * count, 10 * count)
