@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from eval import statistics as st
+from eval.clips import Shown, fate
 from eval.comparable import check_comparable, group, shared_settings
+from eval.page.colours import colours_of
 from eval.results import Band, Comparison, Crossing, Layer, Pair, RunResult, Settings
 from eval.rollout import Player, filmed, play_player
 from eval.statistics import Chance
-from eval.video import Clip
 from eval.wording import number
 from train.episodes import METRICS, Episodes
 from train.runs.command_line import command_again
@@ -27,9 +28,7 @@ Say = Callable[[str], None]
 class Clips:
     """One clip per layer, all under the same pushes."""
 
-    by_layer: dict[str, Clip]
-    run_names: dict[str, str]
-    """The run that is shown, by layer."""
+    shown: list[Shown]
     push: float
     """Size of the pushes, N; 0 where nobody was pushed with a force in the episodes."""
     same_pushes: bool
@@ -220,7 +219,7 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
     push = settings.video_push * comparison.hardest_push
     # Who was never pushed may be of an environment that knows no such argument.
     changes: dict[str, Any] = {"push_force": [push, push]} if comparison.hardest_push > 0 else {}
-    clips, names, traces = {}, {}, []
+    shown, colours = list[Shown](), colours_of(layer.name for layer in comparison.layers)
     for layer in comparison.layers:
         ranked = sorted(layer.runs, key=lambda run: run.metrics["returned"])
         chosen = ranked[(len(ranked) - 1) // 2]
@@ -228,11 +227,12 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
         run = next(run for run in runs if str(run.path) == chosen.path)
         player = Player.of(run, **changes)
         clip = filmed(player, settings.seed, settings.video_seconds, "")
-        clips[layer.name], names[layer.name] = clip, chosen.name
-        traces.append(clip.pushes)
-    # An episode may reach its time limit before the clip is over; a fallen robot's clip never does.
-    shortest = min(len(clip.frames) for clip in clips.values())
-    clips = {name: replace(clip, frames=clip.frames[:shortest]) for name, clip in clips.items()}
+        note = fate(clip) if chosen.seed is None else f"seed {chosen.seed}, {fate(clip)}"
+        shown.append(Shown(layer.name, colours[layer.name], note, clip))
+    traces = [one.clip.pushes for one in shown]
     common = min(len(trace) for trace in traces)
     same = all(np.array_equal(trace[:common], traces[0][:common]) for trace in traces)
-    return Clips(clips, names, push, same)
+    # An episode may reach its time limit before the clip is over; a fallen robot's clip never does.
+    shortest = min(len(one.clip.frames) for one in shown)
+    cut = [one._replace(clip=replace(one.clip, frames=one.clip.frames[:shortest])) for one in shown]
+    return Clips(cut, push, same)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
-from eval.clips import STARTS, Shown, fate, legend
+from eval.clips import STARTS, legend
 from eval.comparison import Clips
 from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, Strip, panel, strips
@@ -49,7 +49,6 @@ def page(c: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str
         colours=colours,
         curves=_curves(c, colours),
         clips=clips,
-        clips_shown=[] if clips is None else _clips(clips, c, colours),
         drawn_over=legend(c.env_id),
         names=[layer.name for layer in c.layers],
         zeros=[f"{layer.name}, zero action" for layer in c.layers],
@@ -90,16 +89,6 @@ def _curves(c: Comparison, colours: dict[str, int]) -> list[Markup]:
             series.append(Series.learnt(layer.name, colour, band, singles, per, zero))
         panels.append(panel(series, title, x_title, form, marks=Marks(threshold=c.threshold)))
     return panels
-
-
-def _clips(clips: Clips, c: Comparison, colours: dict[str, int]) -> list[Shown]:
-    seed = {run.name: run.seed for layer in c.layers for run in layer.runs}
-    shown = []
-    for name, clip in clips.by_layer.items():
-        whose = seed[clips.run_names[name]]
-        note = fate(clip) if whose is None else f"seed {whose}, {fate(clip)}"
-        shown.append(Shown(name, colours[name], note, clip))
-    return shown
 
 
 def _strips(c: Comparison, metric: Metric, colours: dict[str, int]) -> Markup:

@@ -23,23 +23,6 @@ from eval.page.figures import STYLE
 from train.runs.study import environment_name
 
 
-def _environment() -> jinja2.Environment:
-    made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    names = "capital count crossing duration form_of interval number percent span steps titled"
-    known: dict[str, Callable[..., Any]] = {name: getattr(wording, name) for name in names.split()}
-    known |= {"environment_name": environment_name, "data": data, "digest": digest}
-    known["json"] = lambda content: json.dumps(content, indent=1)
-    made.filters.update(known)
-    made.globals.update(known, style=Markup(STYLE))
-    return made
-
-
 def data(content: bytes, kind: str) -> str:
     """Return content as an address that holds it, of a kind such as "image/jpeg"."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
@@ -57,7 +40,21 @@ def jpeg(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-_TEMPLATES = _environment()
+_NAMES = "capital count crossing duration form_of interval number percent span steps titled"
+_KNOWN: dict[str, Callable[..., Any]] = {
+    **{name: getattr(wording, name) for name in _NAMES.split()},
+    **{"environment_name": environment_name, "data": data, "digest": digest},
+    "json": lambda content: json.dumps(content, indent=1),
+}
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_TEMPLATES.filters.update(_KNOWN)
+_TEMPLATES.globals.update(_KNOWN, style=Markup(STYLE))
 _PARTS: Any = _TEMPLATES.get_template("parts.html").module
 
 

@@ -66,7 +66,11 @@ class Camera:
                 centre = data.xipos[self.robot.base_body]
                 add_push(renderer.scene, centre, push / self.robot.weight, size)
                 picture = renderer.render()
-                pictures.append(_labelled(picture, told) if told else picture)
+                if told:
+                    image = Image.fromarray(picture)
+                    label(ImageDraw.Draw(image, "RGBA"), (8, 8), told, (20, 24, 32, 170), 15)
+                    picture = np.asarray(image)
+                pictures.append(picture)
         return pictures
 
     def strip(
@@ -86,12 +90,6 @@ class Camera:
         labels = [f"{moment:.1f} s" + f", {force:.0f} N" * (force > 0) for moment, force in told]
         pictures = self.draw(zip(qpos, push, labels, strict=True))
         return Clip(pictures, fps, push, None).mp4(30)
-
-
-def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
-    image = Image.fromarray(picture)
-    label(ImageDraw.Draw(image, "RGBA"), (8, 8), text, (20, 24, 32, 170), 15)
-    return np.asarray(image)
 
 
 def logged(

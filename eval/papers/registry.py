@@ -18,7 +18,7 @@ from eval.papers.mistry2010 import (
     weights,
     wrong_contacts,
 )
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.checks import check_choices
 
 
 class Paper(NamedTuple):
@@ -72,9 +72,7 @@ def experiments(only: Sequence[str]) -> list[tuple[Paper, list[Experiment]]]:
         UnknownOptionError: a name that is neither.
     """
     names = [one.name for paper in PAPERS.values() for one in paper.experiments] + [*PAPERS]
-    for name in only:
-        if name not in names:
-            raise UnknownOptionError("experiment", name, names)
+    check_choices("experiment", only, names)
     chosen = (
         (paper, [e for e in paper.experiments if not only or {e.name, package} & {*only}])
         for package, paper in PAPERS.items()

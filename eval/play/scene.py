@@ -30,6 +30,7 @@ class Body:
 
     Attributes:
         root: name of the node that all of it hangs from.
+        node: that node.
         offset: (3,) m, where its world lies in the scene.
     """
 
@@ -41,7 +42,7 @@ class Body:
         _, self._model = batch.config.ground(batch.config.load_robot())  # with what is only drawn
         self._data = mujoco.MjData(self._model)
         self.root, self.offset, self._place = f"/world/robot{place}", offset, place
-        self._node = server.scene.add_frame(self.root, show_axes=False, position=offset)
+        self.node = server.scene.add_frame(self.root, show_axes=False, position=offset)
         drawn = list(shapes(self._model))
         tint = 0.5 if place else 0.0
         self._moving = sorted({shape.body for shape in drawn} - {0})
@@ -145,10 +146,6 @@ class Body:
         pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
         return pose
 
-    def remove(self) -> None:
-        """Take it out of the scene."""
-        self._node.remove()
-
 
 class Scene:
     """Ground and robots.
@@ -183,7 +180,7 @@ class Scene:
             return False
         self._measure(lanes[0].batch.task.body.stance)
         for body in self.bodies:
-            body.remove()
+            body.node.remove()
         level = lanes[0].batch.config.terrain == "flat"
         beside = np.array([0.0, 1.4 * self.size if level else 0.0, 0.0])
         self.bodies = [

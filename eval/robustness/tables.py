@@ -68,29 +68,24 @@ def with_kept(found: Robustness, rows: list[dict[str, str]]) -> Robustness:
     Raises:
         RunError: those rows are of other arms.
     """
-    tables: dict[str, dict[str, dict[str, list[dict[str, str]]]]] = {}
-    for row in rows:
-        curves = tables.setdefault(row["factor"], {}).setdefault(row["measure"], {})
-        curves.setdefault(row["arm"], []).append(row)
-    tried = {along.name: along for along in found.along}
-    kept = [_kept(name, tables[name]) for name in tables if name not in tried]
-    every = {along.name: along for along in kept} | tried
+    every = {along.name: along for along in found.along}
+    for name in dict.fromkeys(row["factor"] for row in rows if row["factor"] not in every):
+        every[name] = _kept(name, [row for row in rows if row["factor"] == name])
     try:
         return replace(found, along=[every[name] for name in BY_NAME if name in every])
     except ValueError as error:
         raise RunError(f"The numbers that were kept do not fit: {error}.") from error
 
 
-def _kept(name: str, measures: dict[str, dict[str, list[dict[str, str]]]]) -> Along:
+def _kept(name: str, rows: list[dict[str, str]]) -> Along:
     """One factor of `with_kept`."""
-    factor, values = BY_NAME[name], list[str]()
-    curves: dict[str, dict[str, Curve]] = {}
-    for measure, arms in measures.items():
-        for arm, rows in arms.items():
-            ends = [tuple(float(row[end]) for end in ("estimate", "low", "high")) for row in rows]
-            *points, last = (Estimate(*end) for end in ends)
-            curves.setdefault(measure, {})[arm] = Curve(points, last)
-            values = [row["value"] for row in rows[:-1]]
+    factor, curves = BY_NAME[name], dict[str, dict[str, Curve]]()
+    for measure, arm in dict.fromkeys((row["measure"], row["arm"]) for row in rows):
+        own = [row for row in rows if (row["measure"], row["arm"]) == (measure, arm)]
+        ends = [tuple(float(row[end]) for end in ("estimate", "low", "high")) for row in own]
+        *points, last = (Estimate(*end) for end in ends)
+        curves.setdefault(measure, {})[arm] = Curve(points, last)
+        values = [row["value"] for row in own[:-1]]
     numbered = [float(k if factor.stages else value) for k, value in enumerate(values)]
     nominal = factor.nominal if factor.nominal in numbered else None
     return Along(name, numbered, curves, nominal)

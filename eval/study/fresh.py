@@ -127,7 +127,9 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
     waiting = [each for each in wanted if _of_today(rows[each.file], each.cell) is None]
     for cell in (each.cell for each in waiting if not each.cell.policy):
         check_unseen(FIRST_SEED, episodes, cell.config.to_json(), cell.config.folder)
-    played_with = _commit()
+    known = versions()  # of what plays
+    commit = str(known["commit"] or "unknown")[:12]
+    played_with = f"{commit} and changes" if known["uncommitted_changes"] else commit
     for k, each in enumerate(waiting):
         name, its_rows = each.cell.config.folder.name, rows[each.file]
         tell(k, len(waiting), name)
@@ -190,13 +192,6 @@ def kept(study: Study) -> tuple[dict[str, Played], list[str]]:
             f"{', '.join(sorted(commits))}."
         )
     return found, warnings
-
-
-def _commit() -> str:
-    """What state of this project plays."""
-    known = versions()
-    commit = str(known["commit"] or "unknown")[:12]
-    return f"{commit} and changes" if known["uncommitted_changes"] else commit
 
 
 def _finished(study: Study) -> list[Cell]:

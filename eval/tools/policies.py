@@ -31,21 +31,12 @@ def cards(policies: Sequence[Shipped]) -> str:
     """Return the cards as Markdown: a table of what they do, and how each was trained."""
     if not policies:
         return "None yet."
-    rows = []
+    shown, rows = ("velocity_error", "survived", "returned", "cost_of_transport"), []
     for each in policies:
         policy, card = each.policy, each.card
-        rows.append(
-            [
-                f"`{each.name}`",
-                policy.algorithm.upper(),
-                steps_text(policy.trained_steps),
-                f"{card.wall_seconds / 60:.0f}",
-                *(
-                    _written(card.metrics.get(name))
-                    for name in ("velocity_error", "survived", "returned", "cost_of_transport")
-                ),
-            ]
-        )
+        learnt = [policy.algorithm.upper(), steps_text(policy.trained_steps)]
+        cells = [f"`{each.name}`", *learnt, f"{card.wall_seconds / 60:.0f}"]
+        rows.append([*cells, *(_written(card.metrics.get(name)) for name in shown)])
     return "\n".join([markdown_table(_HEAD, rows), *(f"\n{_training(each)}" for each in policies)])
 
 

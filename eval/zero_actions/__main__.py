@@ -37,15 +37,6 @@ class Sum(NamedTuple):
         up, of = (sum(int(row[name]) for row in rows) for name in ("up", "episodes"))
         return cls(up, of, sum(errors) / len(errors) if errors else math.nan)
 
-    def apart(self, other: "Sum") -> tuple[float, float]:
-        """Return by which share of `other` survival and error are greater here."""
-        pairs = (self.up / self.of, other.up / other.of), (self.error, other.error)
-        up, error = (
-            0.0 if one == first else one / first - 1.0 if first else math.inf
-            for one, first in pairs
-        )
-        return up, error
-
     def words(self, first: "Sum | None") -> str:
         """Return the cell of a short table; `first` is what it is compared with."""
         if not self.of:
@@ -56,7 +47,9 @@ class Sum(NamedTuple):
             said += f", {self.error:.{decimals}f}"
         if first is None or first is self or not (self.up or first.up):
             return said  # the errors of robots that all fall say nothing
-        shares = self.apart(first)
+        # By which shares survival and error are greater here.
+        pairs = (self.up / self.of, first.up / first.of), (self.error, first.error)
+        shares = [0.0 if a == b else a / b - 1.0 if b else math.inf for a, b in pairs]
         bold = "**" if max(map(abs, shares)) > WITHIN else ""
         return f"{said} ({bold}{100 * shares[1]:+.0f} %{bold})"
 

@@ -33,7 +33,15 @@ def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None
         every = np.arange(simulation.num_robots)
         speeds = np.full(len(every), speed)
         first = motion.reference(start, speeds)
-        simulation.place(every, *_placed(first.qpos.copy(), first.qvel.copy(), pose))
+        qpos, qvel = first.qpos.copy(), first.qvel.copy()
+        if pose is not None:
+            heading = pose[:, 2]
+            _turn(qpos, [0, 1], heading)
+            _turn(qvel, [0, 1], heading)
+            qpos[:, :2] += pose[:, :2]
+            _turn(qpos, [3, 6], 0.5 * heading)
+            _turn(qpos, [4, 5], 0.5 * heading)
+        simulation.place(every, qpos, qvel)
 
         def wanted(tick: np.ndarray) -> Wanted:
             reference = motion.reference(tick, speeds)
@@ -43,20 +51,6 @@ def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None
         return wanted
 
     return begin
-
-
-def _placed(
-    qpos: np.ndarray, qvel: np.ndarray, pose: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Take states to places and headings of their own."""
-    if pose is not None:
-        heading = pose[:, 2]
-        _turn(qpos, [0, 1], heading)
-        _turn(qvel, [0, 1], heading)
-        qpos[:, :2] += pose[:, :2]
-        _turn(qpos, [3, 6], 0.5 * heading)
-        _turn(qpos, [4, 5], 0.5 * heading)
-    return qpos, qvel
 
 
 def _turn(values: np.ndarray, pair: list[int], angle: np.ndarray) -> None:

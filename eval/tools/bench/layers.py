@@ -11,6 +11,7 @@ import numpy as np
 from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
+from eval.zero_actions.measures import begin
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.law import Law
 from fbid_gym.control.body_law import Command
@@ -208,18 +209,12 @@ def _one(robot: str, layer: str) -> Round:
     """All but the physics, and the physics, of one robot from a reset."""
     env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
     assert isinstance(env, RobotEnv)
-    physics = timed_physics(env.batch.simulation, time.perf_counter)
-    action = zero_action(env.action_space)
-
-    def run() -> Seconds:
-        env.reset(seed=0)
-        physics.seconds = 0.0
-        start = time.perf_counter()
-        for _ in range(SINGLE_STEPS):
-            env.step(action)
-        return Seconds(time.perf_counter() - start - physics.seconds, physics.seconds)
-
-    return run
+    clock, action = time.perf_counter, zero_action(env.action_space)
+    physics = timed_physics(env.batch.simulation, clock)
+    return _added(
+        *(lambda: env.reset(seed=0), lambda: env.step(action), SINGLE_STEPS),
+        lambda: Seconds(clock() - physics.seconds, physics.seconds),
+    )
 
 
 def _task(env: str, layer: str, num_envs: int) -> Round:
@@ -284,17 +279,24 @@ class _Bounds:
 
 
 def _from_a_reset(batch: EnvBatch, steps: int, spent: Callable[[], Seconds]) -> Round:
-    """What a number of steps from a reset add to the seconds that are spent."""
-    count = batch.num_envs
-    action = np.zeros((count, len(batch.action_names)))
+    """What steps of a batch from a reset add to the seconds that are spent."""
+    action = np.zeros((batch.num_envs, len(batch.action_names)))
+    return _added(lambda: begin(batch, 0), lambda: batch.step(action), steps, spent)
+
+
+def _added(
+    start: Callable[[], object],
+    step: Callable[[], object],
+    steps: int,
+    spent: Callable[[], Seconds],
+) -> Round:
+    """What a number of steps from a beginning add to the seconds that are spent."""
 
     def run() -> Seconds:
-        for index in range(count):
-            batch.seed(index, gym.utils.seeding.np_random(index)[0])
-        batch.reset(np.arange(count))
+        start()
         before = spent()
         for _ in range(steps):
-            batch.step(action)
+            step()
         after = spent()
         return Seconds(after.cost - before.cost, after.physics - before.physics)
 
@@ -309,13 +311,8 @@ def _walk(env: str, layer: str, num_envs: int) -> Round:
     action = zero_action(envs.action_space)
     envs.reset(seed=0)
 
-    def run() -> Seconds:
-        for part in parts:
-            part.seconds = 0.0
-        start = time.thread_time()
-        for _ in range(WALKING_STEPS):
-            envs.step(action)
-        total, physics = time.thread_time() - start, sum(part.seconds for part in parts)
-        return Seconds(total - physics, physics)
+    def spent() -> Seconds:
+        physics = sum(part.seconds for part in parts)
+        return Seconds(time.thread_time() - physics, physics)
 
-    return run
+    return _added(lambda: None, lambda: envs.step(action), WALKING_STEPS, spent)

@@ -72,7 +72,7 @@ def test_experiments_are_chosen_by_their_names_or_their_papers():
         for one in some:
             assert one.title and one.about and one.minutes > 0.0
             assert one.command(True) == f"python -m eval.papers --only {one.name} --quick"
-            html._environment().get_template(f"papers/{one.name}.html")  # every filter exists
+            html._TEMPLATES.get_template(f"papers/{one.name}.html")  # every filter exists
     ((_, some),) = experiments(("fig2_push", "garofalo2015"))
     assert some == every[1][1]
     with pytest.raises(UnknownOptionError, match="fig9.*fig2_push"):
