@@ -12,7 +12,7 @@ from eval.comparison import Clips
 from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, Strip, panel, strips
 from eval.page.html import render
-from eval.results import Comparison, Layer
+from eval.results import Comparison, Layer, greatest_return
 from eval.statistics import coverage_ceiling
 from eval.wording import capital, count, crossing, form_of, interval, number, percent, steps
 from train.episodes import METRICS, Metric
@@ -82,8 +82,7 @@ def _curves(c: Comparison, colours: dict[str, int]) -> list[Markup]:
     ):
         series = []
         for layer in drawn:
-            band = layer.by_steps if axis == "steps" else layer.by_wall
-            assert band is not None
+            band = getattr(layer, f"by_{axis}")
             singles = [(getattr(run, axis), run.returns) for run in layer.runs]
             zero, colour = layer.zero_action["returned"], colours[layer.name]
             series.append(Series.learnt(layer.name, colour, band, singles, per, zero))
@@ -156,7 +155,8 @@ def lede(c: Comparison) -> list[str]:
     several = any(layer.seeds > 1 for layer in c.layers)
     known = f", interquartile mean over seeds with its {level} interval" if several else ""
     finals = "; ".join(f"{x.name} {interval(x.metrics['returned'])}" for x in c.layers)
-    limit = f", of at most {number(c.most)}" if math.isfinite(c.most) else ""
+    most = greatest_return(c.env_id, c.env_args)
+    limit = f", of at most {number(most)}" if math.isfinite(most) else ""
     sentences = [f"Return at the end{limit}{known}: {finals}."]
     if c.pairs:
         pair, pairings = c.pairs[0], c.layers[0].seeds * c.layers[1].seeds
@@ -178,7 +178,7 @@ def lede(c: Comparison) -> list[str]:
 
 def caution(c: Comparison) -> str:
     """Say what so few seeds cannot say; nothing from five seeds a layer on."""
-    fewest = c.fewest_seeds
+    fewest = min(layer.seeds for layer in c.layers)
     more = "Train at least five seeds a layer before believing a difference."
     if fewest >= 5:
         return ""

@@ -182,16 +182,6 @@ class Comparison:
     versions: dict[str, Any]
 
     @property
-    def most(self) -> float:
-        """Return that no episode exceeds; NaN where that is not known."""
-        return greatest_return(self.env_id, self.env_args)
-
-    @property
-    def fewest_seeds(self) -> int:
-        """Number of runs of the layer that has the fewest."""
-        return min(layer.seeds for layer in self.layers)
-
-    @property
     def budget(self) -> int:
         """Training steps of the longest run."""
         return max(run.trained_steps for layer in self.layers for run in layer.runs)

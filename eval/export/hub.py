@@ -132,7 +132,7 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
     if own:
         arguments.pop("robot", None)
     folder.mkdir(parents=True, exist_ok=True)
-    written = {
+    written: dict[str, str | bytes] = {
         "README.md": _card(policy, controller, name, own),
         "env.py": _ENV.format(env_id=policy.env_id, arguments=json.dumps(plain(arguments))),
         "requirements.txt": f"fbid_gym=={fbid_gym.__version__}\n",
@@ -145,12 +145,12 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
                 "versions": versions(),
             }
         ),
+        "policy.onnx": model,
     }
-    for file, text in written.items():
-        write(folder / file, text)
-    write(folder / "policy.onnx", model)
+    for file, content in written.items():
+        write(folder / file, content)
     policy.save(folder / "policy.safetensors")
-    files = [*written, "policy.onnx", "policy.safetensors"]
+    files = [*written, "policy.safetensors"]
     if own:
         robot.save(folder / "robot.zip")
         files.append("robot.zip")

@@ -236,13 +236,6 @@ def lines(
     return panel(series, title, x_title, number, y_format, span, y_range, marks)
 
 
-def traces(
-    time: np.ndarray, named: Sequence[tuple[str, int, np.ndarray]], title: str, x_title: str = "s"
-) -> Markup:
-    """Curves over time, as a panel."""
-    return lines(time, named, title, x_title, dots=False)
-
-
 class Strip(NamedTuple):
     """One layer in a strip plot: a value per run, what they say together, the zero action's."""
 

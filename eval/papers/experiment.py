@@ -5,6 +5,7 @@ import shlex
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -172,10 +173,11 @@ def fate(fell: float | None) -> str:
 
 
 _PARTS = (
-    *(figures.bars, figures.lines, figures.panel, figures.polar, figures.traces, logged),
+    *(figures.bars, figures.lines, figures.panel, figures.polar, logged),
     *(html.frames, html.video, number, percent, curves, fate, named, row),
 )
-_FOR_SECTIONS = {part.__name__: part for part in _PARTS}
+_FOR_SECTIONS: Numbers = {part.__name__: part for part in _PARTS}
+_FOR_SECTIONS["traces"] = partial(figures.lines, dots=False)
 
 
 def show(name: str, content: Numbers) -> tuple[list[Finding], str]:

@@ -87,8 +87,3 @@ class Log:
         """Return the rows of the first ticks from each of these s on, or of the last tick."""
         late = np.searchsorted(self.time, np.asarray(moments) - _SAME)
         return np.minimum(late, len(self.time) - 1)
-
-
-def single(value: np.ndarray) -> np.ndarray:
-    """Return a copy, in single precision if it was in double."""
-    return np.array(value, np.float32 if value.dtype == np.float64 else value.dtype)

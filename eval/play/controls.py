@@ -157,11 +157,6 @@ def rescaled(
     return found
 
 
-def defaults(offered: Mapping[str, Control]) -> Settings:
-    """Return the settings at the start."""
-    return {name: control.default for name, control in offered.items()}
-
-
 def checked(offered: Mapping[str, Control], name: Any, value: Any) -> Any:
     """Return a value that may be set, or raise one error that names it and the choices."""
     if not isinstance(name, str) or name not in offered:

@@ -28,7 +28,11 @@ class Overlays:
     def draw(self, shown: RenderOptions, seen: Insight) -> None:
         """Draw what is shown, and hide the rest."""
         self._frame.position = seen.com
-        drawn = {mark.name: mark for mark in marks(shown, seen, self._size, self._weight)}
+        drawn = {
+            mark.name: mark
+            for mark in marks(shown, seen, self._size, self._weight)
+            if np.isfinite(mark.place - seen.com).all() and (mark.shape == "ball" or len(mark.ends))
+        }
         for mark in drawn.values():
             self._put(mark, mark.place - seen.com)
         for name, node in self._nodes.items():
@@ -41,12 +45,7 @@ class Overlays:
             _show(node, False)
 
     def _put(self, mark: Mark, place: np.ndarray) -> None:
-        node, there = self._nodes.get(mark.name), np.isfinite(place).all()
-        there = there and (mark.shape == "ball" or len(mark.ends) > 0)
-        if not there:
-            if node is not None:
-                _show(node, False)
-            return
+        node = self._nodes.get(mark.name)
         if node is None:
             node = self._nodes[mark.name] = self._added(mark)
         elif isinstance(node, viser.ArrowsHandle | viser.LineSegmentsHandle):

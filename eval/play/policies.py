@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from eval.play.controls import Control, Settings, checked, defaults
+from eval.play.controls import Control, Settings, checked
 from eval.play.stage import NO_POLICY, Stage
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
@@ -37,7 +37,7 @@ def resolved(stage: Stage, offered: Mapping[str, Control], given: Mapping[str, A
         FbidError: a setting that may not be, or a layer that is not that of the policy.
     """
     asked = {name: checked(offered, name, value) for name, value in given.items()}
-    settings = defaults(offered)
+    settings = {name: control.default for name, control in offered.items()}
     for name in ("policy", "layer"):  # as a viewer would, the policy first
         if name in asked:
             settings |= {name: asked[name]} | brought(stage, settings, name, asked[name])

@@ -5,7 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import msgspec
@@ -162,16 +162,18 @@ def measure(
     left_out = {factor.name: _reason(factor, arms, config) for factor in factors}
     there = [factor for factor in factors if not left_out[factor.name]]
     plan = {
-        (arm.name, factor.name, value): [_at(player, factor, value) for player in arm.players]
+        (arm.name, factor.name, value): {
+            _key(player, one): one for player in arm.players for one in [_at(player, factor, value)]
+        }
         for arm in arms
         for factor in there
         for value in factor.values_in(config)
     }
-    every = {one.key: one for conditions in plan.values() for one in conditions}
+    every = {key: one for conditions in plan.values() for key, one in conditions.items()}
     played: dict[str, Episodes] = {}
     for key, one in every.items():
-        tell(len(played), len(every), one.player.name)
-        played[key] = play_player(one.player, budget.episodes, budget.seed, budget.episodes)
+        tell(len(played), len(every), one.name)
+        played[key] = play_player(one, budget.episodes, budget.seed, budget.episodes)
     walks = all(np.isfinite(episodes.velocity_error).all() for episodes in played.values())
     measures = "survived", "velocity_error" if walks else "returned"
 
@@ -183,9 +185,9 @@ def measure(
         if value is None or value not in factor.values_in(config):
             return None
         same = all(
-            one.key == trained[id(player)]
+            key == trained[id(player)]
             for arm in arms
-            for player, one in zip(arm.players, plan[arm.name, factor.name, value], strict=True)
+            for player, key in zip(arm.players, plan[arm.name, factor.name, value], strict=True)
         )
         return value if same else None
 
@@ -193,7 +195,7 @@ def measure(
         values = factor.values_in(config)
         table = np.array(
             [
-                [getattr(played[one.key], name) for one in plan[arm.name, factor.name, value]]
+                [getattr(played[key], name) for key in plan[arm.name, factor.name, value]]
                 for value in values
             ]
         )
@@ -263,20 +265,13 @@ def area(curves: np.ndarray, positions: Sequence[float]) -> np.ndarray:
     return np.trapezoid(curves, positions, axis=1) / (positions[-1] - positions[0])
 
 
-class _Condition(NamedTuple):
-    """A player in one environment; those with the same key play the same episodes."""
-
-    player: Player
-    key: str
-
-
-def _at(player: Player, factor: Factor, value: float) -> _Condition:
-    own = meant(player)
-    there = replace(player, env_args=changed(player.env_args, factor.changes(value, own)))
-    return _Condition(there, _key(player, there))
+def _at(player: Player, factor: Factor, value: float) -> Player:
+    changes = factor.changes(value, meant(player))
+    return replace(player, env_args=changed(player.env_args, changes))
 
 
 def _key(player: Player, there: Player) -> str:
+    """Return what is the same where a player plays the same episodes in another environment."""
     return f"{id(player)} {json.dumps(meant(there).resolved(), sort_keys=True)}"
 
 

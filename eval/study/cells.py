@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from eval.robustness.curves import digest
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
+from train.runs.reading import read_columns
 from train.runs.study import Arm, Cell, Study, environment_name
 from train.runs.tables import read_rows
 
@@ -35,31 +36,14 @@ def evaluations(run: TrainConfig) -> list[dict[str, str]]:
     return read_rows(RunFolder.of(run.folder).evaluations)
 
 
-def columns(run: TrainConfig) -> dict[str, np.ndarray]:
-    """Return the evaluations of a run by column, (K,) each; empty where there are none.
-
-    Raises:
-        RunError: a value that is no number, or steps that do not increase.
-    """
-    path, rows = RunFolder.of(run.folder).evaluations, evaluations(run)
-    if not rows:
-        return {}
-    try:
-        found = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    except (TypeError, ValueError) as error:
-        raise RunError(f"{path}: holds more than numbers ({error}).") from error
-    if "steps" not in found or (np.diff(found["steps"]) <= 0).any():
-        raise RunError(f"{path}: the steps do not increase from row to row.")
-    return found
-
-
 def curve(arm: Arm, column: str) -> Curve:
     """Return a column of the evaluations, over steps and seeds; NaN where it is not known.
 
     The finished cells count; where there is none, all do, as far as they have come together.
     """
     cells = arm.finished() or arm.cells
-    tables = [table for cell in cells if (table := columns(cell.config))]
+    files = [RunFolder.of(cell.config.folder).evaluations for cell in cells]
+    tables = [table for file in files if (table := read_columns(file))]
     # A training that goes on beyond what it was to take was evaluated once more there.
     common = [set(table["steps"].tolist()) for table in tables]
     steps = np.array(sorted(set.intersection(*common)) if common else [])

@@ -17,7 +17,7 @@ from eval.comparable import origin_warnings
 from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.statistics import Chance
 from eval.study import fresh
-from eval.study.cells import columns, fallen
+from eval.study.cells import fallen
 from eval.study.fresh import Falls, Played
 from eval.study.results import (
     CURVES,
@@ -44,7 +44,7 @@ from train.runs.differences import made_with
 from train.runs.environment import changed_meaning
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
-from train.runs.reading import layer_name
+from train.runs.reading import layer_name, read_columns
 from train.runs.study import Arm, Cell, Study, arms, check_cells
 from train.runs.training import standing
 
@@ -179,7 +179,7 @@ def checked_reference(study: Study, reference: str | None) -> str:
 
 
 def _cell(cell: Cell) -> CellFound:
-    table = columns(cell.config)
+    table = read_columns(RunFolder.of(cell.config.folder).evaluations)
     where = standing(cell.config)
     return CellFound(
         cell.config.folder.name,

@@ -1,6 +1,7 @@
 """The report of a study as one self-contained HTML page."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -125,16 +126,16 @@ def _environment(
 def _curves(arms: Sequence[ArmFound], colours: Mapping[str, int]) -> list[Markup]:
     drawn = []
     for measure in CURVES:
-        for axis, bands in (("steps", "by_steps"), ("wall", "by_wall")):
-            its = [arm for arm in arms if measure.name in getattr(arm, bands)]
+        for axis in ("steps", "wall"):
+            its = [arm for arm in arms if measure.name in getattr(arm, f"by_{axis}")]
             if its:
                 its += [arm for arm in arms if arm.policy and arm.has(measure)]
-                drawn.append(_panel(its, measure, axis, bands, colours))
+                drawn.append(_panel(its, measure, axis, colours))
     return drawn
 
 
 def _panel(
-    arms: Sequence[ArmFound], measure: Measure, axis: str, bands: str, colours: Mapping[str, int]
+    arms: Sequence[ArmFound], measure: Measure, axis: str, colours: Mapping[str, int]
 ) -> Markup:
     pace, over_steps = Pace.of((arm.name, arm.most) for arm in arms), axis == "steps"
     scale, x_title, form = (1.0, pace.steps, steps) if over_steps else _clock(arms)
@@ -148,7 +149,7 @@ def _panel(
             continue
         begun = [cell for cell in arm.cells if cell.begun]
         singles = [(getattr(cell, axis), cell.curves[measure.name]) for cell in begun]
-        band = getattr(arm, bands)[measure.name]
+        band = getattr(arm, f"by_{axis}")[measure.name]
         own = Series.learnt(arm.name, colours[arm.name], band, singles, scale)
         series.append(pace.scaled(own, measure.name, over_steps=over_steps))
     label = capital(pace.titled(measure.label, measure.name))
@@ -195,10 +196,8 @@ def _trained(arm: ArmFound) -> str:
         return "evaluated" if arm.counted else "not played yet: --fresh-episodes"
     if arm.complete:
         return steps(arm.steps)
-    others: dict[str, int] = {}
-    for state in (cell.state for cell in arm.cells if cell.state != "done"):
-        kind = "unfinished" if state.endswith("%") else state
-        others[kind] = others.get(kind, 0) + 1
+    states = [cell.state for cell in arm.cells if cell.state != "done"]
+    others = Counter("unfinished" if state.endswith("%") else state for state in states)
     rest = ", ".join(f"{count} {state}" for state, count in others.items())
     so_far = "" if arm.done else "so far "
     return f"{so_far}{steps(arm.steps)}, {rest}" if arm.counted else rest

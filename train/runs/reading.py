@@ -1,6 +1,6 @@
 """Run folders, and exported policies, as whoever evaluates them sees them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,20 +109,31 @@ def load(path: Path, robot: Robot | None = None) -> Run:
 
 
 def _read_curve(path: Path) -> Curve:
-    rows = read_rows(path)
-    if not rows:
+    names = ("steps", "wall_seconds", "return_mean", "return_std", "episodes")
+    columns = read_columns(path, names)
+    if not columns:
         raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
-    columns = []
-    for name in ("steps", "wall_seconds", "return_mean", "return_std", "episodes"):
+    return Curve(*columns.values())
+
+
+def read_columns(path: Path, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+    """Return evaluations by column, (K,) each: all, or these; empty where there are none.
+
+    Raises:
+        RunError: a column that is not there, a value that is no number, or steps that do not
+            increase.
+    """
+    rows, found = read_rows(path), dict[str, np.ndarray]()
+    for name in dict.fromkeys(("steps", *(names or rows[0]))) if rows else ():
         if name not in rows[0]:
             raise RunError(f"{path}: column {name!r} is missing.")
         try:
-            columns.append(np.array([float(row[name]) for row in rows]))
+            found[name] = np.array([float(row[name]) for row in rows])
         except (TypeError, ValueError) as error:
-            raise RunError(f"{path}: column {name!r} holds more than numbers.") from error
-    if (np.diff(columns[0]) <= 0).any():
+            raise RunError(f"{path}: column {name!r} holds more than numbers ({error}).") from error
+    if rows and (np.diff(found["steps"]) <= 0).any():
         raise RunError(f"{path}: the steps do not increase from row to row.")
-    return Curve(*columns)
+    return found
 
 
 def layer_name(env_args: Mapping[str, Any]) -> str:

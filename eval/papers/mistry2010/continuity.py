@@ -48,12 +48,8 @@ def claim_continuity(setting: Setting) -> Measured:
             at, first = int(np.argmax(change_q)), {"q": change_q, "torque": change}
             width, jump_q, jump_torque = _zoom(robot, walk, along[at], along[at + 1])
     return {"paths": found, "steps": steps}, {
-        **{
-            "along": along[1:],
-            "first": first,
-            "JUMP": JUMP,
-            "logarithmic": Marks(logarithmic=True),
-        },
+        **{"along": along[1:], "first": first, "JUMP": JUMP},
+        "logarithmic": Marks(logarithmic=True),
         **{"width": width, "halvings": np.log2(width[0] / width), "jump_q": jump_q},
         **{"jump_torque": jump_torque, "least": np.maximum(jump_torque, 1e-14)},
     }

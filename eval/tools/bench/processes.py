@@ -7,7 +7,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from multiprocessing.connection import Connection
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -34,9 +35,8 @@ env.step(env.action_space.sample())
 """
 
 
-def _measure(
-    answer: Connection, robot: str, layer: str, num_envs: int, warmup: int, steps: int
-) -> None:
+def _measure(robot: str, layer: str, num_envs: int, warmup: int, steps: int) -> tuple[float, float]:
+    """Resident megabytes of this process before and after `steps` policy steps."""
     envs = gym.make_vec(BALANCE, robot=robot, num_envs=num_envs, action_layer=layer, num_threads=2)
     action = zero_action(envs.action_space)
     envs.reset(seed=0)
@@ -46,20 +46,15 @@ def _measure(
     before = process.memory_info().rss
     for _ in range(steps):
         envs.step(action)
-    answer.send((before / MEGABYTE, process.memory_info().rss / MEGABYTE))
+    after = process.memory_info().rss
     envs.close()
+    return before / MEGABYTE, after / MEGABYTE
 
 
-def _resident(robot: str, layer: str, num_envs: int, warmup: int, steps: int) -> np.ndarray:
-    """Resident megabytes of a fresh process before and after `steps` policy steps."""
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe(duplex=False)
-    process = context.Process(target=_measure, args=(there, robot, layer, num_envs, warmup, steps))
-    process.start()
-    there.close()
-    answer = here.recv()
-    process.join()
-    return np.array(answer)
+def _resident(*what: Any) -> tuple[float, float]:
+    """What `_measure` returns in a fresh process."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
+        return fresh.submit(_measure, *what).result()
 
 
 def resident(robots: Sequence[str], layer: str = "base_acceleration") -> Section:

@@ -22,6 +22,7 @@ from fbid_gym.errors import FbidError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
 from fbid_gym.robots import load
+from train.runs.files import write
 
 FOLDER = Path("build/docs")
 """Where they go; git does not see it."""
@@ -117,8 +118,7 @@ def main(anew: bool = False, clips: bool = True) -> None:
     if anew or not all(path.exists() for path in charts.values()):
         responses = {layer: respond(layer) for layer in LAYERS}
         for layer, path in charts.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(chart(layer, responses), encoding="utf-8")
+            write(path, chart(layer, responses))
     for scene in map(Scene.of, ENVIRONMENTS) if clips else ():
         path = FOLDER / "environments" / scene.file
         if anew or not path.exists():
@@ -127,8 +127,7 @@ def main(anew: bool = False, clips: bool = True) -> None:
             except FbidError as error:  # nothing to draw with: the site does without
                 print(f"No clips. {error}", file=sys.stderr)
                 return
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(clip)
+            write(path, clip)
 
 
 if __name__ == "__main__":

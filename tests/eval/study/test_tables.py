@@ -110,7 +110,7 @@ def test_curves_hold_the_evaluations_that_all_seeds_had(study):
     assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1], [0.6, 0.3]]
     assert np.isnan(curve(walks, "what nobody measured").values).all()
     file.write_text("\n".join([head, before.replace(",8,", ",x,"), after]) + "\n")
-    with pytest.raises(RunError, match="evaluations.csv: holds more than numbers"):
+    with pytest.raises(RunError, match="evaluations.csv: column 'episodes' holds more than"):
         curve(walks, "velocity_error")
 
 
