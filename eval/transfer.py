@@ -95,24 +95,21 @@ def _players(
     """
     told = set[str]()
     for source in config.sources:
-        player = partial(load_player, source, env_args, robot)
 
-        def zero(player: Callable[[], Player] = player) -> Player:
-            return replace(player(), policy=None)
-
-        def law(player: Callable[[], Player] = player) -> Player:
-            return lawful(player(), config.gain or 0.0)
+        def make(change: Callable[[Player], Player], source: Path = source) -> Player:
+            return change(load_player(source, env_args, robot))
 
         its = load_policy(place_of(source))
         layer = {**its.env_args, **env_args}.get("action_layer", "")
         if config.who != "laws":
             named = f"{its.source}, {layer}" if its.algorithm == LAW else ""
-            yield named or source.name.removesuffix(SUFFIX), player
+            yield named or source.name.removesuffix(SUFFIX), partial(make, lambda player: player)
         if config.who == "policies" or layer in told:
             continue
         told.add(layer)
-        yield f"{ZERO}{layer}", zero
+        yield f"{ZERO}{layer}", partial(make, lambda player: replace(player, policy=None))
         if config.gain is not None:
+            law = partial(make, partial(lawful, gain=config.gain))
             yield f"{PREFIX}{config.gain:g}, {layer}", law
 
 

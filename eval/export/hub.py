@@ -19,8 +19,8 @@ import msgspec
 import fbid_gym
 from eval.export.onnx_model import INPUT, OUTPUT, metadata_of, to_onnx
 from eval.page.docs import markdown_table
+from fbid_gym.checks import check_choices
 from fbid_gym.environments import ENVIRONMENTS
-from fbid_gym.errors import UnknownOptionError
 from fbid_gym.policy import Policy
 from fbid_gym.runtime import Controller
 from fbid_gym.runtime.config import AROUND, plain
@@ -123,8 +123,7 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
     Raises:
         FbidError: an environment of the user's, which others do not have; or see `to_onnx`.
     """
-    if policy.env_id not in ENVIRONMENTS:
-        raise UnknownOptionError("environment", policy.env_id, ENVIRONMENTS)
+    check_choices("environment", (policy.env_id,), ENVIRONMENTS)
     metadata = metadata_of(policy, controller, name)
     model, robot = to_onnx(policy, metadata), controller.robot
     own = not is_built_in(robot)

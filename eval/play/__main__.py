@@ -116,11 +116,7 @@ def run(config: PlayConfig) -> None:
     server = open_server(session, config.host, config.port)
     try:
         if config.measure is not None:
-            share = measured(server, session, config.measure)
-            print(
-                f"{share.core:.2f} of a core, {share.frames:.0f} frames/s, "
-                f"{share.kept:.2f} s of the robots per second, with one viewer"
-            )
+            print(measured(server, session, config.measure))
             return
         from eval.play.page import Page
 

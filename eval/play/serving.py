@@ -9,7 +9,7 @@ import threading
 import time
 import webbrowser
 from contextlib import redirect_stdout
-from typing import Any, NamedTuple
+from typing import Any
 
 from eval.play.session import Session
 from fbid_gym.errors import FbidError, InvalidValueError
@@ -21,20 +21,6 @@ with client.connect(sys.argv[1], subprotocols=[sys.argv[2]], max_size=None) as p
     while True:
         page.recv()
 """
-
-
-class Share(NamedTuple):
-    """What a session took of a core, with one viewer.
-
-    Attributes:
-        core: share of one core, of all threads.
-        kept: s of the robots per s of the clock.
-        frames: drawn per s.
-    """
-
-    core: float
-    kept: float
-    frames: float
 
 
 def open_server(session: Session, host: str, port: int) -> Any:
@@ -91,8 +77,12 @@ def show(server: Any) -> str:
     return address
 
 
-def measured(server: Any, session: Session, seconds: float) -> Share:
-    """Run a session for some seconds with a viewer in another process, and tell what it takes."""
+def measured(server: Any, session: Session, seconds: float) -> str:
+    """Run a session for some seconds with a viewer in another process, and tell what it takes.
+
+    That is how much of a core, of all threads, the frames drawn per s, and how many s of the robots
+    went by per s of the clock.
+    """
     import viser
 
     from eval.play.page import Page
@@ -111,8 +101,8 @@ def measured(server: Any, session: Session, seconds: float) -> Share:
     finally:
         viewer.kill()
         viewer.wait()
-    return Share(
-        core=busy / wall,
-        kept=(session.steps - steps) / session.hz / wall,
-        frames=(page.frames - frames) / wall,
+    kept, drawn = (session.steps - steps) / session.hz / wall, (page.frames - frames) / wall
+    return (
+        f"{busy / wall:.2f} of a core, {drawn:.0f} frames/s, "
+        f"{kept:.2f} s of the robots per second, with one viewer"
     )

@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import Any
 
 from fbid_gym.actions import layer_options
+from fbid_gym.checks import check_choices
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.estimation.sensors import LIKE, PERFECT, PRESETS
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot, several
@@ -58,8 +59,7 @@ def _fixed(env_args: Mapping[str, Any]) -> dict[str, Any]:
 
 def check_stage(env_id: str, policies: Mapping[str, Policy]) -> None:
     """Raise FbidError unless it is an environment of ours, and the policies are for it."""
-    if env_id not in ENVIRONMENTS:
-        raise UnknownOptionError("environment", env_id, ENVIRONMENTS)
+    check_choices("environment", (env_id,), ENVIRONMENTS)
     for name, policy in policies.items():
         if policy.env_id != env_id:
             raise InvalidValueError(f"policy {name}", policy.env_id, f"a policy for {env_id}")

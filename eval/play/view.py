@@ -1,7 +1,5 @@
 """From where a viewer first looks at the robots."""
 
-from typing import NamedTuple
-
 import numpy as np
 import viser
 
@@ -12,31 +10,27 @@ _RAISED = 0.45
 it takes three fifths of a narrow window."""
 
 
-class View(NamedTuple):
-    """Where a camera stands and what it looks at, (3,) m each, the robots being in the middle."""
-
-    position: np.ndarray
-    look_at: np.ndarray
-
-
-def view(size: float, height: float, aspect: float, fov: float) -> View:
-    """Return the view in which robots are seen whole.
+def view(size: float, height: float, aspect: float, fov: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return from where robots are seen whole, and where to look.
 
     Args:
         size: m, of a robot.
         height: m, of its base.
         aspect: of the picture, width to height. A high one is of a phone: the panel lies over it.
         fov: rad, vertical.
+
+    Returns:
+        (3,) m each, the robots being in the middle.
     """
     aim = np.array([0.0, 0.0, _AIM * height])
     position = _AWAY * size
     if aspect >= 1.0:
-        return View(position, aim)
+        return position, aim
     position = aim + (position - aim) / aspect
     ahead = aim - position
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     up = np.cross(right / np.linalg.norm(right), ahead)  # as long as `ahead`
-    return View(position, aim - _RAISED * np.tan(0.5 * fov) * up)
+    return position, aim - _RAISED * np.tan(0.5 * fov) * up
 
 
 def show_from(server: viser.ViserServer, size: float, height: float) -> None:

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from eval.page.docs import ROBUSTNESS_PAGE, command_block, splice, spliced
 from eval.robustness.arms import Arm, load_arms, zero_action
-from eval.robustness.curves import Budget, Robustness, measure
+from eval.robustness.curves import Budget, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
 from eval.robustness.tables import markdown, numbers, said, shown, with_kept
@@ -101,7 +101,13 @@ def run(config: RobustnessConfig, command: list[str]) -> None:
         write(ROBUSTNESS_PAGE.with_suffix(".csv"), numbers(found))
         write(ROBUSTNESS_PAGE.with_suffix(".svg"), drawn(found))
         splice(ROBUSTNESS_PAGE, f"{said(found)}\n\n{command_block(command)}\n\n{markdown(found)}")
-    tell(found, console)
+    for warning in found.warnings:
+        console.print(f"warning: {warning}", style="yellow", markup=False, highlight=False)
+    for table in shown(found):
+        console.print(table)
+    for name, reason in found.left_out.items():
+        console.print(f"left out: {name}: {reason}", markup=False, highlight=False)
+    console.print(headline(found), markup=False, highlight=False)
     console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
@@ -135,17 +141,6 @@ def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
         for layer in dict.fromkeys(config.zero_action)
     ]
     return arms, warnings
-
-
-def tell(found: Robustness, console: Console) -> None:
-    """Print what was found."""
-    for warning in found.warnings:
-        console.print(f"warning: {warning}", style="yellow", markup=False, highlight=False)
-    for table in shown(found):
-        console.print(table)
-    for name, reason in found.left_out.items():
-        console.print(f"left out: {name}: {reason}", markup=False, highlight=False)
-    console.print(headline(found), markup=False, highlight=False)
 
 
 main = partial(run_command, "eval.robustness", RobustnessConfig, run, about=__doc__, told=True)

@@ -31,11 +31,6 @@ class Curve(NamedTuple):
     values: np.ndarray
 
 
-def evaluations(run: TrainConfig) -> list[dict[str, str]]:
-    """Return the rows of a run's evaluations."""
-    return read_rows(RunFolder.of(run.folder).evaluations)
-
-
 def curve(arm: Arm, column: str) -> Curve:
     """Return a column of the evaluations, over steps and seeds; NaN where it is not known.
 

@@ -38,7 +38,7 @@ from eval.study.results import (
     Values,
     Versus,
 )
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.checks import check_choices
 from train.runs.command_line import command
 from train.runs.differences import made_with
 from train.runs.environment import changed_meaning
@@ -173,8 +173,7 @@ def checked_reference(study: Study, reference: str | None) -> str:
         UnknownOptionError: no arm has that name.
     """
     names = dict.fromkeys(arm.name for arm in arms(study))
-    if reference is not None and reference not in names:
-        raise UnknownOptionError("reference", reference, names)
+    check_choices("reference", () if reference is None else (reference,), names)
     return study.reference if reference is None else reference
 
 

@@ -89,15 +89,6 @@ def level_file(study: Study) -> Path:
     return study.runs / "without_learning.csv"
 
 
-class _Wanted(NamedTuple):
-    """Episodes that are to be known."""
-
-    file: Path
-    cell: Cell
-    seed: int
-    episodes: int
-
-
 def measure(study: Study, episodes: int, tell: Tell) -> None:
     """Play the policies of a study that are at their end, unless they have been, and keep it.
 
@@ -120,31 +111,30 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
             f"{file}: is of {min(other)} episodes, not of {episodes}. Expected as many, or no such "
             "file: without it all is measured anew."
         )
-    wanted = [_Wanted(file, cell, FIRST_SEED, episodes) for cell in _finished(study)]
+    wanted = [(file, cell, FIRST_SEED, episodes) for cell in _finished(study)]
     for cell in study.unlearnt:
         its = cell.config.eval
-        wanted.append(_Wanted(level_file(study), cell, its.seed, its.episodes))
-    waiting = [each for each in wanted if _of_today(rows[each.file], each.cell) is None]
-    for cell in (each.cell for each in waiting if not each.cell.policy):
+        wanted.append((level_file(study), cell, its.seed, its.episodes))
+    waiting = [each for each in wanted if _of_today(rows[each[0]], each[1]) is None]
+    for cell in (cell for _, cell, *_ in waiting if not cell.policy):
         check_unseen(FIRST_SEED, episodes, cell.config.to_json(), cell.config.folder)
     known = versions()  # of what plays
     commit = str(known["commit"] or "unknown")[:12]
     played_with = f"{commit} and changes" if known["uncommitted_changes"] else commit
-    for k, each in enumerate(waiting):
-        name, its_rows = each.cell.config.folder.name, rows[each.file]
+    for k, (kept_in, cell, seed, count) in enumerate(waiting):
+        name, its_rows = cell.config.folder.name, rows[kept_in]
         tell(k, len(waiting), name)
-        its_rows[name] = {"run": name, "commit": played_with} | _played(each)
+        its_rows[name] = {"run": name, "commit": played_with} | _played(cell, seed, count)
         table = [dict.fromkeys(_COLUMNS, "") | its_rows[run] for run in sorted(its_rows)]
-        write(each.file, to_csv(_COLUMNS, table))
+        write(kept_in, to_csv(_COLUMNS, table))
 
 
-def _played(wanted: _Wanted) -> dict[str, str]:
-    """Play what is to be known, and return it as columns of what is kept."""
-    player = Player.of_cell(wanted.cell)
-    episodes = play_player(player, wanted.episodes, wanted.seed, wanted.episodes)
+def _played(cell: Cell, seed: int, count: int) -> dict[str, str]:
+    """Play so many episodes, and return what they were as columns of what is kept."""
+    episodes = play_player(Player.of_cell(cell), count, seed, count)
     means = summary(episodes)
-    row = {"policy": policy_digest(wanted.cell)} | {name: repr(means[name]) for name in _MEASURED}
-    for column, name in _EACH.items() if wanted.episodes <= _MOST_KEPT else ():
+    row = {"policy": policy_digest(cell)} | {name: repr(means[name]) for name in _MEASURED}
+    for column, name in _EACH.items() if count <= _MOST_KEPT else ():
         row[f"{column}_each"] = " ".join(f"{value:.7g}" for value in getattr(episodes, name))
     return row
 

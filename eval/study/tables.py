@@ -16,14 +16,15 @@ from eval.page.figures import Series, panel, sheet
 from eval.results import Estimate, greatest_return
 from eval.statistics import first_crossing
 from eval.study import fresh
-from eval.study.cells import curve, evaluations, exploring
+from eval.study.cells import curve, exploring
 from eval.study.fresh import Played
 from eval.study.pace import Pace
 from eval.wording import capital, number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
+from train.runs.folder import RunFolder
 from train.runs.study import Arm, Study, arms, environment_name
-from train.runs.tables import to_csv
+from train.runs.tables import read_rows, to_csv
 
 _COLUMNS = ("env", "arm", "seed", "steps", "wall_seconds", "episodes", "return_mean", "return_q25",
             "return_q75", "survival", "velocity_error", "return_exploring")  # fmt: skip
@@ -38,7 +39,7 @@ def numbers(study: Study) -> str:
         run = cell.config
         trained, means = exploring(run)
         known = {"env": run.env, "arm": cell.arm, "seed": run.seed}
-        for row in evaluations(run):
+        for row in read_rows(RunFolder.of(run.folder).evaluations):
             until = bisect_right(trained, float(row["steps"]))
             rows.append({**known, **row, "return_exploring": means[until - 1] if until else ""})
     for cell in study.unlearnt:
@@ -158,8 +159,7 @@ def _unlearnt(its: Played | None) -> list[str]:
     """Write the same of what learns nothing; there is no before and after."""
     forms = {"velocity_error": _fine, "survival": percent, "return_mean": number}
     values = {name: np.nan if its is None else its.means[name].item() for name in forms}
-    known = {name: np.isfinite(value) for name, value in values.items()}
-    return [forms[name](values[name]) if known[name] else "–" for name in forms]
+    return [form(values[n]) if np.isfinite(values[n]) else "–" for n, form in forms.items()]
 
 
 def _fine(value: float) -> str:
