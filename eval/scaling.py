@@ -77,8 +77,9 @@ class Played(NamedTuple):
     returned: dict[str, list[float]]
     up: dict[str, list[float]]
 
-    def over(self, values: dict[str, list[float]], robots: list[str]) -> np.ndarray:
-        """(S,) mean over robots, of each seed."""
+    def over(self, what: str, robots: list[str]) -> np.ndarray:
+        """(S,) mean of "returned" or "up" over robots, of each seed."""
+        values = getattr(self, what)
         return np.array([values[robot] for robot in robots if robot in values]).mean(axis=0)
 
 
@@ -214,11 +215,9 @@ def drawn(found: list[Played]) -> str:
     arms_, laws = [one for one in found if one.bodies], [one for one in found if not one.bodies]
     layers = list(dict.fromkeys(one.layer for one in arms_))
     most = max(one.bodies for one in arms_)
-    for which, title in ((0, "return"), (1, "share of the episodes without a fall")):
-
-        def mean(one: Played, which: int = which) -> np.ndarray:
-            return one.over((one.returned, one.up)[which], robots)
-
+    titles = {"returned": "return", "up": "share of the episodes without a fall"}
+    for what, title in titles.items():
+        mean = partial(Played.over, what=what, robots=robots)
         series = []
         for colour, layer in enumerate(layers):
             own = sorted((one for one in arms_ if one.layer == layer), key=lambda one: one.bodies)
@@ -257,7 +256,7 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     heads = ("arm", "layer", "robots learnt with", "seeds", "return", "up", "> zero", "> one gain")
     together, each = [], []
     for one in found:
-        returned, up = one.over(one.returned, robots), one.over(one.up, robots)
+        returned, up = (one.over(what, robots) for what in ("returned", "up"))
         than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
         cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
         together.append([*cells, _spread(returned, number), _spread(up, percent), *than])

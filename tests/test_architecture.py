@@ -97,7 +97,7 @@ LINES = {
     "tasks": 2322,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
-PAPERS_LINES = 5_456
+PAPERS_LINES = 5_418
 # Of all that is in tests/; 24,000 is where this shall go.
 TEST_LINES = 30_449
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.

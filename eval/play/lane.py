@@ -1,6 +1,5 @@
 """One robot of a session, with the layer and the policy that drive it."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +12,6 @@ from eval.play.stage import NO_POLICY, Stage
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.fitting import check_fits
 from fbid_gym.envs.policy_step import Step
-from fbid_gym.policy import Policy
 
 _ONLY = np.zeros(1, int)
 
@@ -65,9 +63,8 @@ class Lane:
         Raises:
             FbidError: the policy or a setting does not fit the environment.
         """
-        policy = stage.policies.get(player.policy)
-        self.player = player
-        self.options = stage.options(player.layer, policy, settings["contact_limits"])
+        self.player, self._policy = player, stage.policies.get(player.policy)
+        self.options = stage.options(player.layer, self._policy, settings["contact_limits"])
         changes = {
             "action_layer": player.layer,
             "layer_options": self.options,
@@ -78,9 +75,11 @@ class Lane:
         if "gait" in settings:
             changes["gait"] = settings["gait"]
         self.batch = EnvBatch(stage.config(changes), 1)
-        self._act = _actor(self.batch, policy)
         self.last: Step | None = None
         self.action = np.zeros(len(self.batch.action_names))
+        if self._policy is not None:
+            seen = self.batch.observation().shape[1]
+            check_fits(self._policy, self.batch.robot, seen, len(self.action))
         self.fallen: float | None = None
         self.falls = 0
 
@@ -106,7 +105,8 @@ class Lane:
 
     def step(self) -> None:
         """Go on by one policy step."""
-        self.action = self._act(self.batch.observation())[0]
+        if self._policy is not None:
+            self.action = np.asarray(self._policy(self.batch.observation()), float)[0]
         self.last = self.batch.step(self.action[None])
         ended = bool(self.last.terminated[0] or self.last.truncated[0])
         if self.fallen is not None:
@@ -144,11 +144,3 @@ class Lane:
     def push_force(self) -> np.ndarray:
         """(3,) N, on the base, in the last step."""
         return np.zeros(3) if self.last is None else self.last.info["push"][0]
-
-
-def _actor(batch: EnvBatch, policy: Policy | None) -> Callable[[np.ndarray], np.ndarray]:
-    size = len(batch.action_names)
-    if policy is None:
-        return lambda observation: np.zeros((len(observation), size))
-    check_fits(policy, batch.robot, batch.observation().shape[1], size)
-    return lambda observation: np.asarray(policy(observation), float)

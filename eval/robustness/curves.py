@@ -159,7 +159,11 @@ def measure(
             nothing has been played.
     """
     config = [environment(player) for arm in arms for player in arm.players][0]
-    left_out = {factor.name: _reason(factor, arms, config) for factor in factors}
+    learnt = any(player.policy is not None for arm in arms for player in arm.players)
+    same = "a zero action is the same, however late it comes"
+    left_out = {
+        f.name: same if f.for_policies and not learnt else f.missing(config) for f in factors
+    }
     there = [factor for factor in factors if not left_out[factor.name]]
     plan = {
         (arm.name, factor.name, value): {
@@ -278,9 +282,3 @@ def _key(player: Player, there: Player) -> str:
 def meant(player: Player) -> EnvConfig:
     """Return the environment that a player's arguments make."""
     return EnvConfig.of({**gym.spec(player.env_id).kwargs, **player.make_args})
-
-
-def _reason(factor: Factor, arms: Sequence[Arm], config: EnvConfig) -> str:
-    if factor.for_policies and all(player.policy is None for arm in arms for player in arm.players):
-        return "a zero action is the same, however late it comes"
-    return factor.missing(config)

@@ -99,14 +99,12 @@ def test_clips_show_the_same_pushes(four_runs):
     runs = [load(path) for path in four_runs]
     result = compare(runs, QUICK)
     clips = film(runs, result)
-    assert clips.same_pushes and [one.name for one in clips.shown] == [
-        "base acceleration",
-        "joint position",
-    ]
-    lengths = {len(clip.frames) for clip in (one.clip for one in clips.shown)}
+    by_layer = {one.name: one.clip for one in clips.shown}
+    assert clips.same_pushes and list(by_layer) == ["base acceleration", "joint position"]
+    lengths = {len(clip.frames) for clip in by_layer.values()}
     assert len(lengths) == 1
     assert clips.push == pytest.approx(QUICK.video_push * result.hardest_push)
-    strengths = np.linalg.norm(clips.shown[0].clip.pushes, axis=1)
+    strengths = np.linalg.norm(by_layer["base acceleration"].pushes, axis=1)
     assert strengths.max() == pytest.approx(clips.push)
 
 

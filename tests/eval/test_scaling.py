@@ -68,7 +68,7 @@ def test_who_learnt_with_a_robot_is_not_tested_by_it(path):
     robots = unseen(found)
     assert robots == ["quadruped", "zoo:quadruped:1000"]
     one = found[0]
-    np.testing.assert_allclose(one.over(one.returned, robots), [400.0, 500.0])
+    np.testing.assert_allclose(one.over("returned", robots), [400.0, 500.0])
     said = table(study, rows(), found).replace("\N{NO-BREAK SPACE}", " ")
     assert "| one | base acceleration | 1 | 2 | 450 (400 to 500) |" in said
     # Means over seeds are 600 and 300, and 850 and 450.

@@ -12,7 +12,7 @@ from eval.play.stage import Stage
 from eval.play.texts import from_words, to_query, words_of
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
-from fbid_gym.options import Choice, Flag, Number
+from fbid_gym.options import Number
 from fbid_gym.policy import Policy
 from fbid_gym.tasks.body_view import own_units
 from tests.eval.conftest import constant_policy
@@ -230,10 +230,9 @@ def test_it_opens_on_a_robot_that_walks_and_says_how_fast():
 def other(control: Any) -> Any:
     """Another value than at the start."""
     kind, now = control.kind, control.default
-    if isinstance(kind, Choice | Flag):
-        return next(each for each in getattr(kind, "names", (True, False)) if each != now)
-    assert isinstance(kind, Number)
-    return kind.most if now == kind.least else kind.least
+    if isinstance(kind, Number):
+        return kind.most if now == kind.least else kind.least
+    return next(each for each in getattr(kind, "names", (True, False)) if each != now)
 
 
 def test_every_setting_travels_by_link_and_acts_elsewhere():
