@@ -9,12 +9,19 @@ import pytest
 # Before anything imports mujoco: without a display, render off screen.
 if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "egl")
+from fbid_gym import robots
 
 
 @pytest.fixture
 def rng() -> np.random.Generator:
     """A seeded generator, fresh for every test."""
     return np.random.default_rng(20260101)
+
+
+@pytest.fixture(scope="module", params=robots.ROBOTS)
+def robot(request: pytest.FixtureRequest) -> robots.Robot:
+    """Each built-in robot, where a module has no robots of its own."""
+    return robots.load(request.param)
 
 
 @pytest.fixture

@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.quantities import RobotState
-
-
-@pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request):
-    """Each built-in robot."""
-    return robots.load(request.param)
 
 
 @pytest.fixture

@@ -126,12 +126,6 @@ def test_residual_torques_are_added_to_those_of_any_layer(layer, rng):
     np.testing.assert_array_equal(torque, without + 0.2 * limit * action[:, own:])
 
 
-@pytest.mark.parametrize("share", [-0.1, 1.1, np.nan, "much"])
-def test_a_residual_torque_is_a_share_of_the_limit(share):
-    with pytest.raises(InvalidValueError, match="residual_torque"):
-        make_layer("torque", robots.load("go1"), HZ, GAIT, {"residual_torque": share})
-
-
 @pytest.mark.parametrize("option", ["footholds", "step_rate"])
 def test_what_is_planned_cannot_be_steered(option):
     robot = robots.load("go1")

@@ -46,11 +46,6 @@ class Scene(NamedTuple):
     command: Command
 
 
-@pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request):
-    return robots.load(request.param)
-
-
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))

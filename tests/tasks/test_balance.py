@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.quantities import RobotState
 from fbid_gym.tasks import Balance, Body, Episode, Pushes, Start
@@ -13,11 +12,6 @@ from fbid_gym.tasks.outcome import Outcome
 from tests.postures import point_jacobians, points, posed
 
 HZ = 500
-
-
-@pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request):
-    return robots.load(request.param)
 
 
 def make_task(robot, joint_noise=0.02, velocity_noise=0.05, **changes):

@@ -46,7 +46,7 @@ PATTERNS = {
 """Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
 body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
 
-_LEAST, _MOST = 1.2, 2.0  # pendulum times a step, as quick as legs swing
+_LEAST, _MOST = 1.2, 2.0  # pendulum times a step, as quick as legs swing; slow steps err more
 _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
 _SETTLE = 1.25  # pendulum times to shift the weight
 _BEND = 0.05  # of the speed
@@ -95,7 +95,7 @@ def biped_gait(
             "Expected feet side by side in the home pose."
         )
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
-    lowered, omega, usual, share = _bent(robot, pattern)
+    lowered, omega, usual, share, haste = _bent(robot, pattern)
     period = 0.5 * (cycle or usual) / omega
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
@@ -104,9 +104,9 @@ def biped_gait(
         double=pattern.double * period,
         top=share * pattern.top * speed,
         start=pattern.start * speed,
-        moment=pattern.moment,
+        moment=pattern.moment * haste,
         settle=_SETTLE / omega,
-        agility=gravity * np.array([pattern.forward, _AGILITY, _AGILITY / leg]),
+        agility=gravity * np.array([pattern.forward * haste**2, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),
         gain=pattern.gain,
         height=float(home.base_position[0, 2] - feet[:, 2].mean() - lowered),
@@ -133,17 +133,18 @@ def default_cycle(robot: Robot, name: str) -> float:
     return _bent(robot, PATTERNS[name])[2]
 
 
-def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float, float]:
-    """How low and quickly a robot walks, and the share of the greatest velocity that legs can do.
+def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float, float, float]:
+    """How low and quickly a robot walks, and the shares of velocity and haste that its legs can do.
 
-    Returns: m lower than at home, 1/s at which it falls then, pendulum times of a cycle, the share.
+    Returns: m lower than at home, 1/s at which it falls then, pendulum times of a cycle, shares.
     """
     stance = Stance.of(robot)
     com, feet, leg = stance.terms.com[0], stance.terms.foot_position[0], stance.size
     lowered = max(min(pattern.lowered * leg, deepest_bend(robot)), _HIGH * leg)
     omega = math.sqrt(robot.gravity / (com[2] - feet[:, 2].mean() - lowered))
     if pattern.cycle is not None:
-        return lowered, omega, pattern.cycle, 1.0
+        return lowered, omega, pattern.cycle, 1.0, 1.0
     top = pattern.top * math.sqrt(robot.gravity * leg)
     quick = max(swing_time(robot, top, ARRIVED * (1.0 - pattern.double)) * omega, _LEAST)
-    return lowered, omega, 2.0 * min(quick, _MOST), min(1.0, _MOST / quick)
+    step = min(quick, _MOST)
+    return lowered, omega, 2.0 * step, step / quick, _LEAST / step

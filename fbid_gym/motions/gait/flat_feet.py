@@ -330,8 +330,7 @@ def _find_foothold(
     # Of s left, those of the pace that it has had.
     left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
     grown = math.exp(gait.omega * left)
-    x, y = xi[0] - stands[0], xi[1] - stands[1]
-    x, y = along(axes, x, y)
+    x, y = along(axes, xi[0] - stands[0], xi[1] - stands[1])
     x, y = (x - error[0]) * grown, (y - error[1]) * grown
     # The feedback counts on half of the sole.
     x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)

@@ -11,7 +11,6 @@ from eval.papers.mistry2010.controllers import JointController, PdGains, followi
 from eval.papers.mistry2010.laws import orthogonal
 from eval.papers.trial import RATES, Trial, pushed, simulate
 from fbid_gym.motions import periodic_squat
-from fbid_gym.robots import load
 
 
 class Torque(NamedTuple):
@@ -32,11 +31,6 @@ class Broken:
         torque = np.full((len(state.tick), self.shape), 1e6)
         torque[0] = np.nan if memory["ticks"][0] > self.since else 0.0
         return Torque(torque)
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load("biped")
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,12 @@
 """Models with errors, and robots that believe in them."""
 
 import numpy as np
-import pytest
 
 from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.trial import RATES
 from eval.papers.wrong_models import believing, wrong_model
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.robots import load
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load("biped")
 
 
 def test_wrong_models_are_wrong_as_said(robot, rng):

@@ -18,12 +18,6 @@ from eval.papers.mistry2010.identification import (
 )
 from eval.papers.trial import RATES
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.robots import load
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load("biped")
 
 
 def test_filter_is_exact_for_polynomials():

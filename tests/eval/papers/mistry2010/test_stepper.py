@@ -11,14 +11,8 @@ from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
 from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
 from fbid_gym.quantities import RobotState
-from fbid_gym.robots import load
 
 CROUCHED = MOTIONS["crouched"]
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load("biped")
 
 
 def test_a_step_is_taken_with_each_foot_and_the_squat_goes_on(robot):
