@@ -106,7 +106,7 @@ def biped_gait(
         start=pattern.start * speed,
         moment=pattern.moment * haste,
         settle=_SETTLE / omega,
-        agility=gravity * np.array([pattern.forward * haste**2, _AGILITY, _AGILITY / leg]),
+        agility=gravity * np.array([pattern.forward * haste, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),
         gain=pattern.gain,
         height=float(home.base_position[0, 2] - feet[:, 2].mean() - lowered),
@@ -147,4 +147,4 @@ def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float, float, f
     top = pattern.top * math.sqrt(robot.gravity * leg)
     quick = max(swing_time(robot, top, ARRIVED * (1.0 - pattern.double)) * omega, _LEAST)
     step = min(quick, _MOST)
-    return lowered, omega, 2.0 * step, step / quick, _LEAST / step
+    return lowered, omega, 2.0 * step, step / quick, (_LEAST / step) ** 2
