@@ -111,8 +111,8 @@ def test_a_layer_goes_wherever_those_of_the_package_go() -> None:
     *_, info = stepped(action_layer="limp")
     assert info["torque"].shape == (2, 12) and not info["torque"].any()
     resolved = resolved_arguments(ENV, {"action_layer": "limp"})
-    steering = {"footholds": False, "step_rate": False}
-    assert resolved is not None and resolved["layer_options"] == {"answer": None} | steering
+    added = {"footholds": False, "step_rate": False, "residual_torque": 0.0}
+    assert resolved is not None and resolved["layer_options"] == {"answer": None} | added
     with pytest.raises(UnknownOptionError, match="of action layer 'limp'.*answer"):
         gym.make(ENV, action_layer="limp", layer_options={"scale": 1.0})
     gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp", layer_options={"footholds": True})

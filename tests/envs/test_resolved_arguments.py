@@ -78,11 +78,11 @@ def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
     monkeypatch.setitem(LAYERS, "other", other)
     resolved = resolved_arguments("fbid_gym/BipedBalance-v0", given)
     assert resolved["push_force"] == [3, 4]
-    steering = {"footholds": False, "step_rate": False}
-    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5} | steering
+    added = {"footholds": False, "step_rate": False, "residual_torque": 0.0}
+    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5} | added
     monkeypatch.setitem(other.__kwdefaults__, "damping_ratio", 0.7)
     again = resolved_arguments("fbid_gym/BipedBalance-v0", given)
-    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7} | steering}
+    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7} | added}
 
 
 def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
