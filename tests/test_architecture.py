@@ -85,10 +85,10 @@ LONGER = {
 }
 LINES = {
     ".": 2373,
-    "actions": 3270,
+    "actions": 3269,
     "control": 4974,
     "dynamics": 1700,
-    "envs": 3599,
+    "envs": 3594,
     "estimation": 1984,
     "motions": 3880,
     "policy": 626,

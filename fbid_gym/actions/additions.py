@@ -73,13 +73,12 @@ class Additions:
             names += [f"torque of {joint} (x {size:.3g} N·m)" for joint, size in joints]
         return cls(tuple(names), np.full(robot.num_feet, scale), _MOST_RATE * step_rate, torque)
 
-    def split(self, action: np.ndarray) -> tuple[Steering, np.ndarray]:
-        """Return what actions (N, S) in [-1, 1] say to the gait, and (N, n) N·m of the joints."""
+    def split(self, action: np.ndarray) -> tuple[Steering, np.ndarray | None]:
+        """Return what actions (N, S) in [-1, 1] say to the gait, and N·m (N, n) to add, or None."""
         count, moved = len(action), 2 * len(self.feet) * self.feet.any()
-        shift, torque = np.zeros((count, len(self.feet), 2)), np.zeros((count, len(self.torque)))
+        shift = np.zeros((count, len(self.feet), 2))
         if moved:
             shift[:] = self.feet[:, None] * action[:, :moved].reshape(shift.shape)
         rate = np.ones(count) + (self.step_rate * action[:, moved] if self.step_rate else 0.0)
-        if self.torque.any():
-            torque[:] = self.torque * action[:, -len(self.torque) :]
+        torque = self.torque * action[:, -len(self.torque) :] if self.torque.any() else None
         return Steering(shift, rate), torque

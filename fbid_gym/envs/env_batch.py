@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.actions import ActionLayer, Additions
+from fbid_gym.actions import ActionLayer
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment
@@ -124,11 +124,6 @@ class EnvBatch:
     def layer(self) -> ActionLayer:
         """The action layer."""
         return self.loop.layer
-
-    @property
-    def additions(self) -> Additions:
-        """What of an action comes after the layer's."""
-        return self.loop.additions
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -90,11 +90,10 @@ class ControlLoop:
         self.delay.send(action)
         self._arrivals = self.delay.arrivals()
 
-    def arrived(self, tick: int) -> tuple[np.ndarray, Steering, np.ndarray]:
+    def arrived(self, tick: int) -> tuple[np.ndarray, Steering, np.ndarray | None]:
         """Return what holds at a tick of the policy step: the layer's action, steering, torques."""
-        action = self.delay.arrived(tick)
-        own, added = np.ascontiguousarray(action[:, : self._num_own]), action[:, self._num_own :]
-        return own, *self.additions.split(added)
+        own, added = np.hsplit(self.delay.arrived(tick), [self._num_own])
+        return np.ascontiguousarray(own), *self.additions.split(added)
 
     def torque(
         self,
@@ -117,7 +116,8 @@ class ControlLoop:
         self.task.advance(self.plan, now)
         target = self.task.target(self.plan, now)
         torque = self.layer.torque(self._own, state, target, terms, self.memory)
-        return answers.as_numbers(torque, self._torque_shape, self.layer, "torque") + self._residual
+        torque = answers.as_numbers(torque, self._torque_shape, self.layer, "torque")
+        return torque if self._residual is None else torque + self._residual
 
     def outcome(
         self, state: RobotState, terms: DynamicsTerms, effort: Effort, sums: dict[str, np.ndarray]
