@@ -37,11 +37,12 @@ class Pattern(NamedTuple):
     start: float  # of the speed, greatest ahead that the first step is planned for
     moment: float  # `Target.moment`
     width: float  # between the middles of the feet, of that at which soles all but touch
+    trail: float  # share of its planned velocity that a foot in the air is damped towards
 
 
 PATTERNS = {
-    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0, math.inf),
-    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, 0.7, 1.5),
+    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0, math.inf, 1.0),
+    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, 0.7, 1.5, 0.7),
 }
 """Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
 body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
@@ -75,10 +76,9 @@ def biped_gait(
             "Expected two flat feet to walk like a biped."
         )
     stance = Stance.of(robot)
-    home, leg = stance.terms, stance.size
+    home, leg, geometry = stance.terms, stance.size, stance.geometry
     feet, turn = home.foot_position[0], home.world_from_foot[0]
     width = abs(feet[0, 1] - feet[1, 1])
-    geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
     for foot, called in enumerate(robot.foot_names):
         if len(convex_hull(points[geometry.foot_of_point == foot])) < 3:
@@ -118,6 +118,7 @@ def biped_gait(
         longest=_LONGEST * leg,
         lift=pattern.lift * leg,
         sink=pattern.sink * speed,
+        trail=pattern.trail,
         load=_LOAD * robot.weight,
         sole=SOLE * sole,
         points=SOLE * points,

@@ -366,7 +366,7 @@ def _swing(
         begin = memory.lifted[i, axis]
         way = target.foothold[i, foot, axis] - begin
         target.foot_position[i, foot, axis] = begin + way * share
-        target.foot_velocity[i, foot, axis] = way * rate
+        target.foot_velocity[i, foot, axis] = gait.trail * way * rate
         target.foot_acceleration[i, foot, axis] = way * acceleration
     start, ground = memory.lifted[i, 2], target.foothold[i, foot, 2]
     height, fall, pull = lift_and_land(

@@ -37,11 +37,10 @@ class FlatFootGait(NamedTuple):
     longest: float  # m between the feet, ahead
     lift: float  # m that a foot is lifted
     sink: float  # m/s with which a foot lands
+    trail: float  # share of its planned level velocity that a foot in the air is damped towards
     load: float  # N on a foot that count as contact
-    # (2,) m, half the length and half the width that the centre of pressure may use.
-    sole: np.ndarray
-    # (P, 2) m, of that sole's corners from the foot's reference, ahead and to the left.
-    points: np.ndarray
+    sole: np.ndarray  # (2,) m, half the length and half the width for the centre of pressure
+    points: np.ndarray  # (P, 2) m, of that sole's corners from the foot's reference, ahead, left
     foot_of_point: np.ndarray  # (P,) int64
     left: np.ndarray  # (2,) 1 for the left foot, -1 for the right one
     level: np.ndarray  # (2, 3, 3) rotations of the feet when the robot stands with heading 0

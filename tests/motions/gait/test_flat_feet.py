@@ -201,7 +201,7 @@ def test_a_foot_does_not_jump_when_the_command_does(gait):
     velocity = commands(gait, 8, seed=5)
     fastest = []
     for flips in (False, True):
-        walkers, most = Pendulums(gait, np.zeros(8)), np.zeros(2)
+        walkers, most = Pendulums(gait, np.zeros(8)), 0.0
         for tick in range(ticks(gait, 16)):
             before, turned_before = walkers.feet.copy(), walkers.rotation.copy()
             # In every third step, at any share of it.
@@ -209,11 +209,9 @@ def test_a_foot_does_not_jump_when_the_command_does(gait):
             walkers.step(sign * velocity)
             if tick > ticks(gait, 3):
                 way = np.linalg.norm((walkers.feet - before)[..., :2], axis=-1).max()
-                turn = np.abs(walkers.rotation - turned_before).max()
-                most = np.maximum(most, [way, turn])
+                most = np.maximum(most, [way, np.abs(walkers.rotation - turned_before).max()])
         fastest.append(most)
-    steady, flipped = fastest
-    assert (flipped < 2.0 * steady).all()
+    assert (fastest[1] < 2.0 * fastest[0]).all()
 
 
 def test_a_swinging_foot_has_the_rates_of_its_way(gait):
@@ -222,6 +220,8 @@ def test_a_swinging_foot_has_the_rates_of_its_way(gait):
     rows = [walkers.step(velocity) for _ in range(ticks(gait, 12))][ticks(gait, 6) :]
     in_air = ~np.array([row.planted[0] for row in rows])
     swings = in_air[:-1] & in_air[1:]
+    for row in rows:  # a foot is damped towards this share of the rate of its level way
+        row.foot_velocity[..., :2] /= gait.trail
     for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
         values, rates = (
             np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
