@@ -11,9 +11,13 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from fbid_gym.policy import Policy
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy, place_of
 from train.algorithms import ALGORITHMS
 from train.runs.config import TrainConfig
+from train.runs.environment import load_policy
+
+_ALIKE = "action_layer", "layer_options", "observation"  # they say what a policy's numbers mean
 
 MakeEnv = Callable[..., VecEnv]
 """`fbid_gym.make_sb3`, or a stand-in: (env_id, num_envs=, seed=, stagger=, **env_args)."""
@@ -48,7 +52,34 @@ def build(config: TrainConfig, robots: VecEnv) -> BaseAlgorithm:
     )
     learner: BaseAlgorithm = ALGORITHMS[config.algorithm].build(config, env)
     learner.set_logger(Logger(folder=None, output_formats=[]))
+    if config.start is not None:
+        _begin_with(learner, config, load_policy(place_of(config.start)))
     return learner
+
+
+def _begin_with(learner: BaseAlgorithm, config: TrainConfig, policy: Policy) -> None:
+    """Let a learner begin with a policy, and with its scaling of the observations.
+
+    SAC squashes what PPO cuts off: it begins with somewhat smaller actions than a policy of PPO.
+    """
+    layers = ALGORITHMS[config.algorithm].layers(learner)
+    args, own = config.make_args(), config.hyperparameters
+    for name, its, expected in (
+        ("weights", [w.shape for w in policy.weights], [tuple(x.weight.shape) for x in layers]),
+        ("activation", policy.activation, own.activation),
+        *((name, policy.env_args.get(name), args.get(name)) for name in _ALIKE),
+    ):
+        if its != expected:
+            said = f"a policy with {name} {expected}; it has {its}"
+            raise InvalidValueError("start", config.start, said)
+    with torch.no_grad():
+        for layer, weight, bias in zip(layers, policy.weights, policy.biases, strict=True):
+            layer.weight.copy_(torch.tensor(weight))
+            layer.bias.copy_(torch.tensor(bias))
+    observation, _ = moments(learner)
+    seen = policy.observation_size  # what follows is the critic's
+    observation.mean[:seen], observation.var[:seen] = policy.mean, policy.variance
+    observation.count = float(max(policy.trained_steps, 1))
 
 
 def normaliser(learner: BaseAlgorithm) -> VecNormalize:

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import stand_in
 
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
 from train.learner import build, export, normaliser, seeds
 from train.runs.config import PPOConfig, SACConfig
@@ -35,6 +38,14 @@ def test_exported_policy_is_the_prediction_of_stable_baselines3(tmp_path, algori
     )
     np.testing.assert_allclose(policy(observation), expected, atol=1e-6)
     assert np.ptp(expected) > 0.5 and (algorithm == "sac" or (np.abs(expected) == 1.0).any())
+
+    config = replace(config, start=str(tmp_path / "policy"))
+    again = build(config, stand_in.make("", num_envs=8, seed=2, num_threads=1))
+    np.testing.assert_array_equal(export(again, config, {})(observation), policy(observation))
+    other = {**policy.env_args, "action_layer": "torque"}
+    replace(policy, env_args=other, source="other").save(tmp_path / "policy")
+    with pytest.raises(InvalidValueError, match="action_layer force; it has torque"):
+        build(config, stand_in.make("", num_envs=8, seed=2, num_threads=1))
 
 
 def test_seeds_of_neighbouring_runs_share_no_robot():

@@ -203,6 +203,9 @@ class TrainConfig:
     """Train on several robots, so many environments of each: built-in ones, files, or drawn ones,
     "zoo:quadruped:0-15". With --env-args '{"observation": "body"}' they need not have as many
     joints."""
+    start: str | None = None
+    """Begin with a policy instead of the zero action: a run folder, an exported policy or
+    "shipped:NAME", for as many observations and actions and of the same network."""
     seed: Seed = 0
     """Seed of the initial network, the exploration and the robots."""
     total_steps: Count = 1_000_000
@@ -350,7 +353,7 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
-_BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False}
+_BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False, "start": None}
 
 
 def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
