@@ -80,21 +80,21 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
 # another, or says in the commit why the house has to grow.
 LONGER = {
-    **{"fbid_gym/control/body_law.py": 593, "fbid_gym/control/whole_body.py": 750},  # to be split
+    **{"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 661},  # to be split
     "fbid_gym/quantities.py": 455,  # one place for all
 }
 LINES = {
     ".": 2373,
-    "actions": 3269,
-    "control": 4974,
+    "actions": 3031,
+    "control": 4741,
     "dynamics": 1700,
     "envs": 3594,
     "estimation": 1984,
     "motions": 3880,
     "policy": 626,
     "robots": 5895,
-    "runtime": 1911,
-    "tasks": 2322,
+    "runtime": 1857,
+    "tasks": 2272,
 }
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_418
@@ -102,7 +102,7 @@ PAPERS_LINES = 5_418
 TEST_LINES = 30_448
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (38, 7144)}
+READING = {"fbid_gym.actions.base_acceleration": (38, 6917)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

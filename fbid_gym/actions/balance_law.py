@@ -28,19 +28,13 @@ from fbid_gym.robots import Robot
 
 @dataclass(frozen=True, eq=False)
 class BalanceLaw:
-    """A balancer on a robot's feet; F feet, P points.
+    """A balancer on a robot's feet; F feet, P points."""
 
-    Attributes:
-        robot: whose joints.
-        belief: which points are taken to be in contact.
-        ramp: leads from one set of contacts to the next; None where the torque may jump.
-        constants: of the law.
-    """
-
-    robot: Robot
-    belief: ContactBelief
+    robot: Robot  # whose joints
+    belief: ContactBelief  # which points are taken to be in contact
+    # Leads from one set of contacts to the next; None where the torque may jump.
     ramp: ContactRamp | None
-    constants: MomentumBalance
+    constants: MomentumBalance  # of the law
 
     @classmethod
     def of(

@@ -1,6 +1,6 @@
 """Layer `base_acceleration`: a task-space stabiliser of the body, to which the action adds."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
 from fbid_gym.actions.law import Law, LawLayer
-from fbid_gym.actions.layer import scaled_names
+from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.control.body_law import Command, stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
@@ -36,20 +36,13 @@ class BaseAcceleration(LawLayer):
     g * margin / height, but no more than friction allows; vertically half of gravity; for tilting
     the moment that the same shift gives, for turning that of friction, on the home inertia. Or it
     is the same on all robots, see `BodyOptions.action_units`.
-
-    Attributes:
-        law: from acceleration to torque.
-        scale: (6,) m/s^2 and rad/s^2 at action 1.
-        contact: what it assumes of contacts.
-        moment_priority: of the law.
-        priority_action: whether the action changes it.
     """
 
-    law: Law
-    scale: np.ndarray
-    contact: ContactOptions
-    moment_priority: float
-    priority_action: bool
+    law: Law  # from acceleration to torque
+    scale: np.ndarray  # (6,) m/s^2 and rad/s^2 at action 1
+    contact: ContactOptions  # what it assumes of contacts
+    moment_priority: float  # of the law
+    priority_action: bool  # whether the action changes it
 
     @classmethod
     def of(
@@ -100,12 +93,7 @@ class BaseAcceleration(LawLayer):
         return 1.0 / self.scale[:2]
 
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()

@@ -1,6 +1,6 @@
 """Layer `com_wrench`: the momentum is balanced as in [G15]; to the wrench the action adds."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -10,7 +10,7 @@ from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
 from fbid_gym.actions.law import Law, LawLayer, no_lighter
-from fbid_gym.actions.layer import scaled_names
+from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
@@ -61,22 +61,14 @@ class ComWrench(LawLayer):
     weight * margin / height, but no more than friction allows; vertically half of the weight; for
     tilting the moment of the same shift, weight * margin, for turning that of friction. Or it is
     the same on all robots, see `BodyOptions.action_units`.
-
-    Attributes:
-        law: from action to torque.
-        scale: (6,) N and N·m, what action 1 adds to the wrench.
-        contact: what it assumes of contacts.
-        moment_priority: of the law.
-        meant: name of an option that may be None -> what it means.
-        priority_action: whether the action changes the priority.
     """
 
-    law: Law | BalanceLaw
-    scale: np.ndarray
-    contact: ContactOptions
-    moment_priority: float
-    meant: Mapping[str, Any]
-    priority_action: bool
+    law: Law | BalanceLaw  # from action to torque
+    scale: np.ndarray  # (6,) N and N·m, what action 1 adds to the wrench
+    contact: ContactOptions  # what it assumes of contacts
+    moment_priority: float  # of the law
+    meant: Mapping[str, Any]  # name of an option that may be None -> what it means
+    priority_action: bool  # whether the action changes the priority
 
     @classmethod
     @checked
@@ -142,12 +134,7 @@ class ComWrench(LawLayer):
         return self.law.robot.mass / self.scale[:2]
 
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
@@ -182,7 +169,7 @@ def _papers_frequencies(
         if getattr(body, name):
             raise InvalidValueError(name, getattr(body, name), f"0, {expected}")
     given = {part: _PAPERS[part] if x is None else x for part, x in body.frequencies.items()}
-    hertz = in_hertz(robot, **given)
+    hertz = {part: in_hertz(robot, x) for part, x in given.items()}
     for part, value in hertz.items():
         if isinstance(value, tuple):
             raise InvalidValueError(f"{part}_frequency", value, f"a number of Hz, {expected}")
@@ -216,10 +203,6 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     of the moment on the base's angular velocity, so it is twice the kinetic energy per square of
     that. Those of [G15] do it on the average angular velocity, which takes the locked robot's
     inertia.
-
-    Args:
-        robot: the robot.
-        balancer: one of `BALANCERS`.
     """
     stance = Stance.of(robot)
     terms, body = stance.terms, centroidal_terms(stance.terms, np.zeros((1, robot.nv)))

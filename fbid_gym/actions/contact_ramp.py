@@ -19,12 +19,9 @@ class ContactRamp:
     -d, and takes it away again linearly in time. So the torque goes on from where it was, feedback
     acts through the new contacts at once, and the load of a foot fades in or out. A switch during a
     ramp adds its own difference to what is left.
-
-    Attributes:
-        ticks: control ticks of a ramp.
     """
 
-    ticks: int
+    ticks: int  # control ticks of a ramp
 
     def memory(self, num_robots: int, num_points: int, num_joints: int) -> Memory:
         """Return what is remembered of robots that have not moved yet."""
@@ -49,30 +46,19 @@ class ContactRamp:
 
 
 class _Ramp(NamedTuple):
-    """What is remembered of N robots, to be updated.
+    """What is remembered of N robots, to be updated."""
 
-    Attributes:
-        contacts: (N, P) int64, which points were in contact a tick ago, or `_UNKNOWN`.
-        ticks: (N,) int64, left of the ramp.
-        torque: (N, n) N·m, what the ramp adds.
-        law: (N, n) N·m, of the law a tick ago.
-    """
-
-    contacts: np.ndarray
-    ticks: np.ndarray
-    torque: np.ndarray
-    law: np.ndarray
+    contacts: np.ndarray  # (N, P) int64, which points were in contact a tick ago, or `_UNKNOWN`
+    ticks: np.ndarray  # (N,) int64, left of the ramp
+    torque: np.ndarray  # (N, n) N·m, what the ramp adds
+    law: np.ndarray  # (N, n) N·m, of the law a tick ago
 
 
 @kernel
 def _fade(torque: np.ndarray, active: np.ndarray, ticks: int, ramp: _Ramp) -> np.ndarray:
     """Go on with the ramps by a tick, begin others where contacts have switched, and add them.
 
-    Args:
-        torque: (N, n) of the law.
-        active: (N, P) bool, which points are in contact now.
-        ticks: of a ramp.
-        ramp: of the robots; updated. Unknown contacts become the present ones.
+    See `ContactRamp.torque`. Unknown contacts become the present ones.
     """
     contacts, left, added, before = ramp
     result = np.empty(torque.shape)

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.ranges import DampingRatio, Falling, LoopDelay, Priority, Response, in_hertz
+from fbid_gym.actions.ranges import DampingRatio, LoopDelay, Priority, Response, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
@@ -111,18 +111,17 @@ class BodyOptions:
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
         """Return the gains that they ask for."""
         gains = default_gains(robot, kind)._replace(small_errors=self.velocity_gain * kind.omega)
+        ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
         for part, given in self.frequencies.items():
             stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")
-            if isinstance(given, tuple) and not isinstance(given, Falling):
-                gains = gains._replace(**{part: given[0], f"{part}_damping": given[1]})
-                continue
-            if given is not None:
-                (hertz,) = in_hertz(robot, **{part: given}).values()
+            hertz = in_hertz(robot, given)
+            if isinstance(hertz, tuple):
+                stiffness, damping = hertz
+            elif hertz is not None:
                 stiffness = (2.0 * np.pi * hertz) ** 2
-                damping = 2.0 * np.sqrt(stiffness)
-            if given is not None or self.damping_ratio is not None:
-                ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
-                damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
+                damping = 2.0 * ratio * np.sqrt(stiffness)
+            elif self.damping_ratio is not None and stiffness > 0.0:
+                damping = 2.0 * ratio * np.sqrt(stiffness)
             gains = gains._replace(**{part: float(stiffness), f"{part}_damping": float(damping)})
         return gains
 

@@ -1,21 +1,21 @@
 """Layer `joint_acceleration`: the action is added to stabilising joint accelerations."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
-from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.actions.joint_motion import LegJoints, legs_of, with_joints
 from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency, in_hertz
 from fbid_gym.compiled import kernel
 from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import checked
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
+from fbid_gym.quantities import Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 _SCALE = 2.2
@@ -28,22 +28,14 @@ class JointAcceleration(LawLayer):
 
     Of the joints, towards their target q_t, through [M10] eq. (15). The base is not commanded: its
     acceleration is what the feet on the ground leave it.
-
-    Attributes:
-        law: from acceleration to torque.
-        motion: of the joints that are followed.
-        stiffness: w^2, 1/s^2, of every joint.
-        damping: 2 zeta w, 1/s, of every joint.
-        scale: rad/s^2 (m/s^2 for slides) at action 1.
-        contact: what it assumes of contacts.
     """
 
-    law: Law
-    motion: JointMotion
-    stiffness: float
-    damping: float
-    scale: float
-    contact: ContactOptions
+    law: Law  # from acceleration to torque
+    legs: LegJoints | None  # whose joints place the feet of a gait; None where it is planned
+    stiffness: float  # w^2, 1/s^2, of every joint
+    damping: float  # 2 zeta w, 1/s, of every joint
+    scale: float  # rad/s^2 (m/s^2 for slides) at action 1
+    contact: ContactOptions  # what it assumes of contacts
 
     @classmethod
     @checked
@@ -72,7 +64,7 @@ class JointAcceleration(LawLayer):
             contact: what it assumes of contacts.
         """
         gains = default_gains(robot, kind)
-        (hertz,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        hertz = in_hertz(robot, natural_frequency)
         omega = 2.0 * np.pi * hertz if hertz is not None else _PLANNED * kind.omega
         if hertz is None and kind.gait:
             omega = np.sqrt(gains.swing)
@@ -83,9 +75,9 @@ class JointAcceleration(LawLayer):
         law = Law.of(
             *(robot, control_hz, assumed, firm, 1.0), feet_first=False, base_priority=JOINTS_FIRST
         )
-        motion = JointMotion.of(robot, kind, gains, aware=True)
+        legs = legs_of(robot, gains, aware=True) if kind.gait else None
         damping = 2.0 * damping_ratio * float(omega)
-        return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)
+        return cls(law, legs, float(omega) ** 2, damping, float(scale), assumed)
 
     @property
     def natural_frequency(self) -> float:
@@ -99,16 +91,11 @@ class JointAcceleration(LawLayer):
         return tuple(f"acceleration of {joint} (x {self.scale:g} rad/s^2)" for joint in joints)
 
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        followed = self.motion.target(state, target, known)
+        followed = with_joints(self.legs, state, target, known)
         gains = self.stiffness, self.damping, self.scale
         command = _accelerate(*gains, action, state, followed)
         return self.law.torque(command, state, target, known, memory)

@@ -85,7 +85,7 @@ class JointGains(NamedTuple):
         Raises:
             InvalidValueError: beyond what any joint can be held with.
         """
-        (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        frequency = in_hertz(robot, natural_frequency)
         inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * frequency
         damping, none = 2.0 * damping_ratio * omega * inertia, np.zeros(robot.num_joints)
         wanted = cls(inertia * omega**2, damping, none, float(frequency))

@@ -11,7 +11,6 @@ Joints of no leg stay at home. Where no dynamics model answers errors of the bas
 that stand do: for them the base is off by what it would lag behind if the error went on a while.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +33,6 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.heading import share_within
-from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import BodyGains, DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy, factor, gram, solve_factored
@@ -45,77 +43,35 @@ _LEAD = 2.0  # pendulum times
 _FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
 
 
-@dataclass(frozen=True, eq=False)
-class JointMotion:
-    """What the joints of a robot shall do.
-
-    Attributes:
-        legs: which joints move which foot; None where the target says what joints do.
-    """
-
-    legs: "LegJoints | None"
-
-    @classmethod
-    def of(
-        cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool, calm: float = 0.0
-    ) -> "JointMotion":
-        """Return the joint motion of a kind of motion.
-
-        Args:
-            robot: the robot.
-            kind: of motion.
-            gains: with which its body is balanced.
-            aware: see `LegJoints`, and
-            calm: likewise.
-
-        Raises:
-            RobotError: on a gait, a foot has no joints of its own to place it.
-        """
-        return cls(legs_of(robot, gains, aware, calm) if kind.gait else None)
-
-    def target(self, state: RobotState, target: Target, terms: DynamicsTerms) -> Target:
-        """Return the target with what base and joints shall do for it."""
-        if self.legs is None:
-            return target
-        return target._replace(**find_joints(self.legs, target, state, terms)._asdict())
-
-
 class LegJoints(NamedTuple):
-    """Which joints move which foot; constants of a robot.
+    """Which joints move which foot; constants of a robot."""
 
-    Attributes:
-        own: (F, K) int, joints that move this foot and no other; -1 beyond the last.
-        rows: coordinates of a foot that its joints can place: 3 of a point, 6 of a sole.
-        home: (nq,) of the robot.
-        low: (n,) rad and
-        high: (n,) rad, ends of the joints' ranges.
-        balance: 1/s^2 and
-        balance_damping: 1/s, of the centre of mass.
-        aware: whether the feet in the air are led to their targets from the body as it moves,
-            rather than as it shall move. That closes a loop through the base, which moves as the
-            legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
-        lead: s, for which an error of the base's velocity counts as one of its place, for feet
-            that bear all they may; and
-        farthest: m, as which it counts at most.
-        calm: s, for which errors of the base's other velocities count as errors of its height and
-            its orientation, for these feet: damping where joints can have little of their own.
-    """
-
-    own: np.ndarray
-    rows: int
-    home: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    balance: float
-    balance_damping: float
+    own: np.ndarray  # (F, K) int, joints that move this foot and no other; -1 beyond the last
+    rows: int  # coordinates of a foot that its joints can place: 3 of a point, 6 of a sole
+    home: np.ndarray  # (nq,) of the robot
+    low: np.ndarray  # (n,) rad, where the joints' ranges begin
+    high: np.ndarray  # (n,) rad, where they end
+    balance: float  # 1/s^2, of the centre of mass
+    balance_damping: float  # 1/s, likewise
+    # Whether the feet in the air are led to their targets from the body as it moves, rather than as
+    # it shall move. That closes a loop through the base, which moves as the legs do: for layers
+    # that know its dynamics. Joint PD alone is less stable with it.
     aware: bool
+    # s, for which an error of the base's velocity counts as one of its place, for feet that bear
+    # all they may.
     lead: float
-    farthest: float
+    farthest: float  # m, as which it counts at most
+    # s, for which errors of the base's other velocities count as errors of its height and its
+    # orientation, for these feet: damping where joints can have little of their own.
     calm: float
 
 
-def legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoints:
-    """Return the legs of a robot; arguments as of `JointMotion.of`."""
+def legs_of(robot: Robot, gains: BodyGains, *, aware: bool, calm: float = 0.0) -> LegJoints:
+    """Return the legs of a robot whose body is balanced with these gains; see `LegJoints`.
+
+    Raises:
+        RobotError: a foot has no joints of its own to place it.
+    """
     stance = Stance.of(robot)
     for foot, own in zip(robot.foot_names, stance.legs, strict=True):
         if own.sum() < 3:
@@ -146,17 +102,11 @@ def legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoin
 
 
 class WayLeft(NamedTuple):
-    """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers.
+    """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers."""
 
-    Attributes:
-        gap: m, rad.
-        rate: m/s, rad/s.
-        acceleration: m/s^2, rad/s^2.
-    """
-
-    gap: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
+    gap: np.ndarray  # m, rad
+    rate: np.ndarray  # m/s, rad/s
+    acceleration: np.ndarray  # m/s^2, rad/s^2
 
 
 class JointTarget(NamedTuple):
@@ -170,6 +120,15 @@ class JointTarget(NamedTuple):
     def of(cls, target: Target) -> "JointTarget":
         """Return it of a target that says so."""
         return cls(target.qpos, target.qvel, target.qacc)
+
+
+def with_joints(
+    legs: LegJoints | None, state: RobotState, target: Target, terms: DynamicsTerms
+) -> Target:
+    """Return a target with what base and joints shall do for it; without legs it says so itself."""
+    if legs is None:
+        return target
+    return target._replace(**find_joints(legs, target, state, terms)._asdict())
 
 
 @kernel
@@ -280,13 +239,9 @@ def room_for(size: int) -> WayLeft:
 
 @compiled
 def solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: WayLeft, moves: WayLeft) -> None:
-    """Find what joints move a foot like that; damped.
+    """Find what joints move a foot like that, by their Jacobian (rows, K); damped.
 
-    Args:
-        jacobian: (rows, K) of the joints.
-        lower: (rows, rows), overwritten.
-        left: of the foot, overwritten.
-        moves: written, of the joints.
+    Writes `moves`, and overwrites `left` and the buffer `lower` (rows, rows).
     """
     rows = len(jacobian)
     if rows == 3 and len(moves.gap) == 3:  # without memory in between all of it is a fifth faster

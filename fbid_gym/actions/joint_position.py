@@ -1,6 +1,5 @@
 """Layer `joint_position`: the action moves the target of a joint PD controller."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -19,7 +18,8 @@ from fbid_gym.actions.joint_gains import (
     servo_fault,
     servos_carry,
 )
-from fbid_gym.actions.joint_motion import JointMotion, JointTarget, LegJoints, find_joints
+from fbid_gym.actions.joint_motion import JointTarget, LegJoints, find_joints, legs_of
+from fbid_gym.actions.layer import GetTerms, Memoryless
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, LoopDelay, TargetScale
 from fbid_gym.compiled import kernel
@@ -34,26 +34,17 @@ _DAMPING_RATIO = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class JointPosition:
-    """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot) + d qdot_t.
+class JointPosition(Memoryless):
+    """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot) + d qdot_t."""
 
-    Attributes:
-        robot: whose joints.
-        motion: of the joints that are followed.
-        home: the home posture, followed instead; None where it is not.
-        hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
-        carries: as which the legs carry the robot instead; None where `hold` does.
-        gains: of the joints.
-        scale: rad (m for slides) at action 1.
-    """
-
-    robot: Robot
-    motion: JointMotion
-    home: Target | None
+    robot: Robot  # whose joints
+    legs: LegJoints | None  # whose joints place the feet of a gait; None where none is followed
+    home: Target | None  # the home posture, followed instead; None where it is not
+    # (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
     hold: np.ndarray
-    carries: Pendulum | None
-    gains: JointGains
-    scale: float
+    carries: Pendulum | None  # as which the legs carry the robot instead; None where `hold` does
+    gains: JointGains  # of the joints
+    scale: float  # rad (m for slides) at action 1
 
     @classmethod
     @checked
@@ -96,7 +87,6 @@ class JointPosition:
                 where the home posture is followed.
         """
         at_home = reference == "home"
-        followed = kind._replace(gait=kind.gait and not at_home)
         if pendulum and at_home:
             expected = "False or None where the home posture is followed"
             raise InvalidValueError("pendulum", pendulum, expected)
@@ -107,12 +97,13 @@ class JointPosition:
         if falls and robot.has_soles:
             inertia = Stance.of(robot).standing_inertia
             gains = gains._replace(stiffness=damped_enough(*gains[:2], inertia))
-        motion = JointMotion.of(
-            robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
-        )
+        legs = None
+        if kind.gait and not at_home:
+            calm = missing_damping(gains)
+            legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=calm)
         home, hold = home_target(robot) if at_home else None, holding_torque(robot)
         carries = Pendulum.of(robot, kind, hold, links=False) if falls else None
-        return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale)
+        return cls(robot, legs, home, hold, carries, fed_drag(robot, gains), scale)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -132,25 +123,14 @@ class JointPosition:
             for joint in self.robot.joint_names
         )
 
-    diagnostics: tuple[str, ...] = ()
-
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing to remember."""
-        return {}
-
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         held = self.hold[None] if self.carries is None else carry(self.carries, target, terms())
         added = self.scale * action
-        if self.motion.legs is not None:
-            return _place_feet(self.motion.legs, self.gains, added, held, state, target, terms())
+        if self.legs is not None:
+            return _place_feet(self.legs, self.gains, added, held, state, target, terms())
         still, followed = np.zeros((1, len(self.hold))), JointTarget.of(self.home or target)
         return feedback(self.gains, added, still, held, state, followed)
 

@@ -1,6 +1,5 @@
 """Layer `joint_position_feedforward`: a soft PD controller, and the motion's torque ahead of it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,8 +8,9 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
 from fbid_gym.actions.joint_gains import JointGains, feedback
-from fbid_gym.actions.joint_motion import JointMotion, JointTarget
+from fbid_gym.actions.joint_motion import JointTarget, LegJoints, legs_of, with_joints
 from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import (
     DampingRatio,
     Falling,
@@ -47,22 +47,15 @@ class JointPositionFeedforward(LawLayer):
     The paper lets the base's Jacobian stand for that of the centre of mass, which is here its own:
     the base's rows of M over the mass. InvDyn is eq. (15), by default with limits on the contact
     forces; the feedback is not limited, one more reason for it to be soft.
-
-    Attributes:
-        law: InvDyn.
-        motion: of base and joints.
-        offset: added to the joints' target; its scale in rad (m for slides).
-        gains: K_P and K_D.
-        balance: w^2 (1/s^2) and 2 w (1/s) of the centre of mass; None for eq. (18) without balance.
-        contact: what it assumes of contacts.
     """
 
-    law: Law
-    motion: JointMotion
-    offset: SmoothTarget
-    gains: JointGains
+    law: Law  # InvDyn
+    legs: LegJoints | None  # whose joints place the feet of a gait; None where it is planned
+    offset: SmoothTarget  # added to the joints' target; its scale in rad (m for slides)
+    gains: JointGains  # K_P and K_D
+    # w^2 (1/s^2) and 2 w (1/s) of the centre of mass; None for eq. (18) without balance.
     balance: tuple[float, float] | None
-    contact: ContactOptions
+    contact: ContactOptions  # what it assumes of contacts
 
     @classmethod
     @checked
@@ -110,7 +103,7 @@ class JointPositionFeedforward(LawLayer):
             # Stiffer ankles tip robots on soles.
             firm = kind.gait and not robot.has_soles
             natural_frequency = in_hz(max(own.height, own.rotation)) if firm else Falling(1.0)
-        (frequency,) = in_hertz(robot, target_frequency=target_frequency).values()
+        frequency = in_hertz(robot, target_frequency)
         assumed = contact.on(robot, kind)
         firm_feet = own._replace(hold=0.0)
         law = Law.of(
@@ -120,7 +113,7 @@ class JointPositionFeedforward(LawLayer):
         )
         return cls(
             law=law,
-            motion=JointMotion.of(robot, kind, own, aware=True),
+            legs=legs_of(robot, own, aware=True) if kind.gait else None,
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),
             balance=None if balance_frequency == 0.0 else (own.balance, own.balance_damping),
@@ -151,16 +144,11 @@ class JointPositionFeedforward(LawLayer):
         return self.law.memory(num_robots) | offset._asdict()
 
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known, own = terms(), TargetMemory.of(memory)
-        followed = self.motion.target(state, target, known)
+        followed = with_joints(self.legs, state, target, known)
         offset = offset_of(self.offset, action, own)
         balance = np.array(self.balance or ())
         command = _follow(balance, offset, followed, known)

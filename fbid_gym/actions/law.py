@@ -61,23 +61,15 @@ def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Mem
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """The law on one robot.
+    """The law on one robot."""
 
-    Attributes:
-        robot: whose joints.
-        constants: of the law.
-        belief: which points are taken to be on the ground.
-        ramp: leads the torque through switches of contacts; None where it may jump.
-        limited: whether contact forces have limits; else they can pull and never slip.
-        late: how late its torques come; None where they come at once.
-    """
-
-    robot: Robot
-    constants: LawConstants
-    belief: ContactBelief
+    robot: Robot  # whose joints
+    constants: LawConstants  # of the law
+    belief: ContactBelief  # which points are taken to be on the ground
+    # Leads the torque through switches of contacts; None where it may jump.
     ramp: ContactRamp | None
-    limited: bool
-    late: Delay | None
+    limited: bool  # whether contact forces have limits; else they can pull and never slip
+    late: Delay | None  # how late its torques come; None where they come at once
 
     @classmethod
     def of(
@@ -154,18 +146,7 @@ class Law:
         terms: DynamicsTerms,
         memory: Memory,
     ) -> np.ndarray:
-        """Return joint torques.
-
-        Args:
-            command: of the layer.
-            state: of the robots.
-            target: what they shall do.
-            terms: of the robots.
-            memory: of the robots; updated.
-
-        Returns:
-            (N, n) N·m.
-        """
+        """Return joint torques (N, n) N·m for the command of a layer; updates the memory."""
         active = self.belief(state, target)
         if self.late is not None:
             made, sent = memory["acceleration"], memory["sent"]

@@ -7,6 +7,9 @@ import numpy as np
 
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 
+GetTerms = Callable[[], DynamicsTerms]
+"""Returns the dynamics at the robots' state, which are computed once somebody asks."""
+
 
 class ActionLayer(Protocol):
     """Turns actions in [-1, 1] into joint torques at the control rate.
@@ -20,24 +23,16 @@ class ActionLayer(Protocol):
     @property
     def action_names(self) -> tuple[str, ...]:
         """What each entry of the action commands, with its scale and unit."""
-        ...
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """Names of the memory entries, each (N,), that are worth reporting."""
-        ...
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
-        ...
 
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """Return joint torques.
 
@@ -51,7 +46,16 @@ class ActionLayer(Protocol):
         Returns:
             (N, n) N·m, before the torque limits.
         """
-        ...
+
+
+class Memoryless:
+    """What layers without a memory have in common."""
+
+    diagnostics: tuple[str, ...] = ()
+
+    def memory(self, num_robots: int) -> Memory:
+        """Nothing to remember."""
+        return {}
 
 
 def scaled_names(

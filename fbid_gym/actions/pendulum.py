@@ -28,27 +28,17 @@ _RIDGE = 1e-6  # where feet stand on a line, or one alone
 
 
 class Pendulum(NamedTuple):
-    """Of a robot; constants. n joints, F feet.
+    """Of a robot; constants. n joints, F feet."""
 
-    Attributes:
-        weight: N.
-        gravity: m/s^2.
-        omega: 1/s, rate at which the robot falls while it moves so.
-        length: m, between the feet.
-        soles: whether feet can bear moments.
-        links: whether every link's weight is compensated, in all joints; else legs carry the whole.
-        legs: (F, n) bool, joints of each foot's leg.
-        rest: (n,) N·m, held besides.
-    """
-
-    weight: float
-    gravity: float
-    omega: float
-    length: float
-    soles: bool
+    weight: float  # N
+    gravity: float  # m/s^2
+    omega: float  # 1/s, rate at which the robot falls while it moves so
+    length: float  # m, between the feet
+    soles: bool  # whether feet can bear moments
+    # Whether every link's weight is compensated, in all joints; else legs carry the whole.
     links: bool
-    legs: np.ndarray
-    rest: np.ndarray
+    legs: np.ndarray  # (F, n) bool, joints of each foot's leg
+    rest: np.ndarray  # (n,) N·m, held besides
 
     @classmethod
     def of(cls, robot: Robot, kind: MotionKind, hold: np.ndarray, *, links: bool) -> "Pendulum":

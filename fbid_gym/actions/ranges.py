@@ -23,14 +23,11 @@ class Falling(NamedTuple):
     times: float
 
 
-def in_hertz(robot: Robot, **frequencies: Any) -> dict[str, Any]:
-    """Return frequencies by name, those that are `Falling` in Hz and others as they are."""
-    return {
-        name: value.times * Stance.of(robot).falling_rate / (2.0 * np.pi)
-        if isinstance(value, Falling)
-        else value
-        for name, value in frequencies.items()
-    }
+def in_hertz(robot: Robot, frequency: Any) -> Any:
+    """Return a frequency that is `Falling` in Hz, and anything else as it is."""
+    if isinstance(frequency, Falling):
+        return frequency.times * Stance.of(robot).falling_rate / (2.0 * np.pi)
+    return frequency
 
 
 MOST_HERTZ = 1000.0

@@ -13,28 +13,18 @@ class SmoothTarget(NamedTuple):
 
     xdd = w^2 (u - x) - 2 w xdot, solved exactly: with e = x - u and c = xdot + w e at a tick, the
     time t later x = u + (e + c t) exp(-w t) and xdot = (xdot - w c t) exp(-w t).
-
-    Attributes:
-        scale: u at action 1.
-        omega: w, rad/s.
-        tick: s, of the control.
     """
 
-    scale: float
-    omega: float
-    tick: float
+    scale: float  # u at action 1
+    omega: float  # w, rad/s
+    tick: float  # s, of the control
 
 
 class TargetMemory(NamedTuple):
-    """Where the targets of N robots are, n coordinates each; updated from tick to tick.
+    """Where the targets of N robots are, n coordinates each; updated from tick to tick."""
 
-    Attributes:
-        target: (N, n).
-        target_rate: (N, n) per s.
-    """
-
-    target: np.ndarray
-    target_rate: np.ndarray
+    target: np.ndarray  # (N, n)
+    target_rate: np.ndarray  # (N, n) per s
 
     @classmethod
     def of(cls, memory: Memory) -> "TargetMemory":
@@ -48,28 +38,16 @@ class TargetMemory(NamedTuple):
 
 
 class Offset(NamedTuple):
-    """Where the targets of N robots are at a tick.
+    """Where the targets of N robots are at a tick."""
 
-    Attributes:
-        value: (N, n).
-        rate: (N, n) per s.
-        acceleration: (N, n) per s^2.
-    """
-
-    value: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
+    value: np.ndarray  # (N, n)
+    rate: np.ndarray  # (N, n) per s
+    acceleration: np.ndarray  # (N, n) per s^2
 
 
 @kernel
 def offset_of(smooth: SmoothTarget, action: np.ndarray, memory: TargetMemory) -> Offset:
-    """Return where targets are at this tick.
-
-    Args:
-        smooth: how they move.
-        action: (N, n).
-        memory: of the robots.
-    """
+    """Return where targets are at this tick, for actions (N, n)."""
     acceleration = np.empty(action.shape)
     for i in range(len(action)):
         for j in range(action.shape[1]):
@@ -81,7 +59,7 @@ def offset_of(smooth: SmoothTarget, action: np.ndarray, memory: TargetMemory) ->
 
 @kernel
 def move_on(smooth: SmoothTarget, action: np.ndarray, memory: TargetMemory) -> None:
-    """Move targets on to the next tick; arguments as of `offset_of`, and updates the memory."""
+    """Move targets on to the next tick, for actions (N, n); updates the memory."""
     omega, tick = smooth.omega, smooth.tick
     decay = np.exp(-omega * tick)
     for i in range(len(action)):

@@ -1,6 +1,5 @@
 """Layer `task_space_position`: the action moves targets of body and feet, held by PD on them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -29,6 +28,7 @@ from fbid_gym.actions.joint_motion import (
     see_foot,
     solve_leg,
 )
+from fbid_gym.actions.layer import GetTerms, Memoryless
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.actions.ranges import DampingRatio, Frequency, LoopDelay, TargetScale
 from fbid_gym.compiled import compiled, kernel
@@ -47,23 +47,16 @@ _RANK = 1e-9
 
 
 class Reach(NamedTuple):
-    """How firmly body and feet are held; constants of a robot with n joints.
+    """How firmly body and feet are held; constants of a robot with n joints."""
 
-    Attributes:
-        legs: which joints move which foot.
-        stiffness: (rows,) N/m, N·m/rad: of a foot's place, and of its rotation.
-        joints: gains of the joints; those of legs have no stiffness.
-        feet_scale: m, by which action 1 moves a foot.
-    """
-
-    legs: LegJoints
-    stiffness: np.ndarray
-    joints: JointGains
-    feet_scale: float
+    legs: LegJoints  # which joints move which foot
+    stiffness: np.ndarray  # (rows,) N/m, N·m/rad: of a foot's place, and of its rotation
+    joints: JointGains  # gains of the joints; those of legs have no stiffness
+    feet_scale: float  # m, by which action 1 moves a foot
 
 
 @dataclass(frozen=True, eq=False)
-class TaskSpacePosition:
+class TaskSpacePosition(Memoryless):
     """tau = what carries the robot + sum of J^T K (gap of each foot) + K_D (qdot_t - qdot).
 
     The gap is what is left of a foot's way to its target with the body at its own: a foot that
@@ -77,20 +70,13 @@ class TaskSpacePosition:
     it by one share, and then the vertical's, which carries the weight, by as little as it can be.
     What damps the body through feet that bear it (`LegJoints.calm`) is limited likewise, in the air
     and on all feet.
-
-    Attributes:
-        robot: whose joints.
-        reach: of body and feet.
-        pendulum: what carries the robot.
-        scale: (6,) m and rad, by which action 1 moves the body.
-        natural_frequency: Hz.
     """
 
-    robot: Robot
-    reach: Reach
-    pendulum: Pendulum
-    scale: np.ndarray
-    natural_frequency: float
+    robot: Robot  # whose joints
+    reach: Reach  # of body and feet
+    pendulum: Pendulum  # what carries the robot
+    scale: np.ndarray  # (6,) m and rad, by which action 1 moves the body
+    natural_frequency: float  # Hz
 
     @classmethod
     @checked
@@ -128,7 +114,7 @@ class TaskSpacePosition:
         """
         frequency = natural_frequency or default_frequency(kind, robot)
         joints = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
-        legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=0.0)
+        legs = legs_of(robot, default_gains(robot, kind), aware=False)
         height, hold = float(Stance.of(robot).home_com[2]), holding_torque(robot)
         own = Stance.of(robot).legs.any(axis=0)
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))
@@ -154,25 +140,14 @@ class TaskSpacePosition:
         size = f"(x {self.reach.feet_scale:.3g} m)"
         return (*names, *(f"target of {foot} {way}, trunk {size}" for foot in feet for way in ways))
 
-    diagnostics: tuple[str, ...] = ()
-
     @property
     def per_acceleration(self) -> np.ndarray:
         """Action for each m/s^2 of the body ahead and to the left, (2,): by half of the feet."""
         pushing = max(self.robot.num_feet // 2, 1) * self.reach.stiffness[0]
         return self.robot.mass / pushing / self.scale[:2]
 
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing to remember."""
-        return {}
-
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
@@ -192,17 +167,10 @@ def reach_out(
     target: Target,
     terms: DynamicsTerms,
 ) -> np.ndarray:
-    """Return the torques (N, n) N·m that bring body and feet to their targets.
+    """Return the torques (N, n) N·m that bring body and feet to their targets, and those `held`.
 
-    Args:
-        reach: of the robot.
-        moved_body: (N, 6) by which the body's target is moved: m along the heading, rad in the
-            base's axes.
-        moved_feet: (N, 3F) m by which those of the feet are, in the trunk's axes.
-        held: (N, n) N·m besides.
-        state: of the robots.
-        target: what they shall do.
-        terms: of the robots.
+    The body's target is moved by `moved_body` (N, 6), m along the heading and rad in the base's
+    axes; those of the feet by `moved_feet` (N, 3F), m in the trunk's axes.
     """
     legs, gains = reach.legs, reach.joints
     (count, size), (feet, most), rows = state.qvel.shape, legs.own.shape, legs.rows

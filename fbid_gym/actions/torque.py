@@ -1,27 +1,22 @@
 """Layer `torque`: the action is the joint torque."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fbid_gym.actions.joint_gains import holding_torque
+from fbid_gym.actions.layer import GetTerms, Memoryless
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
+from fbid_gym.quantities import Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Torque:
-    """tau = tau_home + action * torque limit. There is no feedback: targets are for the policy.
+class Torque(Memoryless):
+    """tau = tau_home + action * torque limit. There is no feedback: targets are for the policy."""
 
-    Attributes:
-        robot: whose joints.
-        hold: (n,) N·m that keep the home stance in equilibrium, the zero action.
-    """
-
-    robot: Robot
-    hold: np.ndarray
+    robot: Robot  # whose joints
+    hold: np.ndarray  # (n,) N·m that keep the home stance in equilibrium, the zero action
 
     @classmethod
     def of(cls, robot: Robot, control_hz: int, kind: MotionKind) -> "Torque":
@@ -34,19 +29,8 @@ class Torque:
         limits = zip(self.robot.joint_names, self.robot.torque_limit, strict=True)
         return tuple(f"torque of {joint} (x {limit:g} N·m)" for joint, limit in limits)
 
-    diagnostics: tuple[str, ...] = ()
-
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing to remember."""
-        return {}
-
     def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        target: Target,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
+        self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         return self.hold + action * self.robot.torque_limit

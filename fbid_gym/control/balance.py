@@ -81,14 +81,9 @@ def resting_target(com: np.ndarray, rotation: np.ndarray) -> BalanceTarget:
 
 @compiled
 def balance_target(target: Target, terms: DynamicsTerms, body: CentroidalTerms) -> BalanceTarget:
-    """Return what a target asks of the balance of each robot.
+    """Return what a target in the world asks of the balance of each robot.
 
     Its momentum is that of the robot as it stands moving at the target's velocities.
-
-    Args:
-        target: in the world.
-        terms: of the robots.
-        body: of the robots.
     """
     count = len(terms.com)
     rotation, angular_velocity = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -215,17 +210,12 @@ def _wrench(
     masses = numbers_of_robots("mass", mass, sizes["N"])
     own_axes = np.broadcast_to(np.eye(3), (sizes["N"], 3, 3)) if axes is None else axes
     place, pose, rates = "(N, 3)", "(N, 3, 3)", "(N, 6)"
-    called = (
-        ("com", place),
-        ("com_velocity", place),
-        ("rotation", pose),
-        ("angular_velocity", place),
-    )
-    ours = zip((*called, ("momentum", rates)), motion, strict=True)
+    names = ("com", "com_velocity", "rotation", "angular_velocity", "momentum")
+    ours = zip(names, motion, (place, place, pose, place, rates), strict=True)
     return balance_wrench(
         gains,
         fitted_all("target.", target, (place, pose, place, place, place, rates), sizes),
-        BodyMotion(*(*(fitted(name, array, own, sizes) for (name, own), array in ours), masses)),
+        BodyMotion(*(*(fitted(*each, sizes) for each in ours), masses)),
         fitted("axes", own_axes, pose, sizes),
         gravity,
     )
@@ -237,12 +227,7 @@ def balance_wrench(
 ) -> np.ndarray:
     """Return the desired wrench at the centre of mass, (36) or (38): (N, 6) N and N·m, world.
 
-    Args:
-        gains: of velocities or of momenta.
-        target: of the robots.
-        motion: of the robots.
-        axes: (N, 3, 3) world from the axes of all gains but K_R.
-        gravity: m/s^2, along -z.
+    `axes` (N, 3, 3), world from these, are those of all gains but K_R; gravity (m/s^2) is along -z.
     """
     count = len(motion.com)
     wrench = np.empty((count, 6))

@@ -100,15 +100,12 @@ class BalanceGains:
 
     def of_momentum(self) -> "WrenchGains":
         """Return what (38) makes of errors."""
-        return self._wrench_gains(False)
+        own = self.stiffness, self.damping, self.rotation_damping, self.rotation_map
+        return WrenchGains(*own, on_velocity=False)
 
     def of_velocity(self) -> "WrenchGains":
         """Return what (36) makes of errors."""
-        return self._wrench_gains(True)
-
-    def _wrench_gains(self, on_velocity: bool) -> "WrenchGains":
-        own = self.stiffness, self.damping, self.rotation_damping, self.rotation_map
-        return WrenchGains(*own, on_velocity)
+        return self.of_momentum()._replace(on_velocity=True)
 
 
 def _rotation_map(stiffness: np.ndarray) -> np.ndarray:

@@ -86,61 +86,40 @@ _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 
 
 class LawConstants(NamedTuple):
-    """Of the law on one robot.
+    """Of the law on one robot."""
 
-    Attributes:
-        gains: of feet and base.
-        limbs: which joints move which feet.
-        geometry: of the contact points.
-        limits: (1, P, 3) of `limit_rows`.
-        most_load: of the weight, on one foot.
-        mobility: (nv,) how readily each coordinate departs from what it shall do.
-        least_gain: (6,) of a task of the body.
-        nearness: (6,) turns errors of the wrench on the base into N whose squares are comparable.
-        gravity: m/s^2.
-        ahead: (3,) the trunk's forward direction in the base's axes.
-        turning_inertia: (3, 3) kg·m^2, what a moment has to overcome to turn the base.
-        turning_mobility: (3, 3) its inverse.
-        feet_first: whether feet in the air are moved as tasks; else they follow their joints.
-        passive: what joints take of their torques, to be given back.
-        motors: what is believed of them.
-        grip: when feet slip.
-    """
-
-    gains: BodyGains
-    limbs: Limbs
-    geometry: ContactGeometry
-    limits: np.ndarray
-    most_load: float
-    mobility: np.ndarray
-    least_gain: np.ndarray
+    gains: BodyGains  # of feet and base
+    limbs: Limbs  # which joints move which feet
+    geometry: ContactGeometry  # of the contact points
+    limits: np.ndarray  # (1, P, 3) of `limit_rows`
+    most_load: float  # of the weight, on one foot
+    mobility: np.ndarray  # (nv,) how readily each coordinate departs from what it shall do
+    least_gain: np.ndarray  # (6,) of a task of the body
+    # (6,) turns errors of the wrench on the base into N whose squares are comparable.
     nearness: np.ndarray
-    gravity: float
-    ahead: np.ndarray
-    turning_inertia: np.ndarray
-    turning_mobility: np.ndarray
-    feet_first: bool
-    passive: PassiveJoints
-    motors: MotorModel
-    grip: GripModel
+    gravity: float  # m/s^2
+    ahead: np.ndarray  # (3,) the trunk's forward direction in the base's axes
+    turning_inertia: np.ndarray  # (3, 3) kg·m^2, what a moment has to overcome to turn the base
+    turning_mobility: np.ndarray  # (3, 3) its inverse
+    feet_first: bool  # whether feet in the air are moved as tasks; else they follow their joints
+    passive: PassiveJoints  # what joints take of their torques, to be given back
+    motors: MotorModel  # what is believed of them
+    grip: GripModel  # when feet slip
 
 
 class Command(NamedTuple):
-    """What a layer asks of N robots at a tick.
+    """What a layer asks of N robots at a tick."""
 
-    Attributes:
-        reference: (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2. (0, 6):
-            those of `stabilise`, to whose `body` this one adds; with a push the base's height and
-            rotation accelerate as the target's.
-        body: (N, m) accelerations of the body that go before these, m of 0, 2 or 6: of the centre
-            of mass in the world's x and y (m/s^2), of the base's height (m/s^2), and of its
-            rotation (rad/s^2, base's axes).
-        push: (N, 6) N and N·m to add at the centre of mass, along the heading; with it the body is
-            moved by its momentum, see `_move_momentum`. (0, 6): it is not.
-    """
-
+    # (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2. (0, 6): those of
+    # `stabilise`, to whose `body` this one adds; with a push the base's height and rotation
+    # accelerate as the target's.
     reference: np.ndarray
+    # (N, m) accelerations of the body that go before these, m of 0, 2 or 6: of the centre of mass
+    # in the world's x and y (m/s^2), of the base's height (m/s^2), and of its rotation (rad/s^2,
+    # base's axes).
     body: np.ndarray
+    # (N, 6) N and N·m to add at the centre of mass, along the heading; with it the body is moved by
+    # its momentum, see `_move_momentum`. (0, 6): it is not.
     push: np.ndarray
 
     @classmethod
@@ -150,30 +129,19 @@ class Command(NamedTuple):
 
 
 class LawMemory(NamedTuple):
-    """What the law remembers of N robots; updated by it.
+    """What the law remembers of N robots; updated by it."""
 
-    Attributes:
-        warm_start: (N, 6) of the contact forces.
-        residual: (N,) share of the weight by which the wrench on the base misses the desired one,
-            and of gravity by which contacts would move.
-        underactuation: (N,) directions of the base that the contacts cannot push.
-        strength: (N,) share of their torques that the motors are taken to give.
-        grip: (N,) share of the coefficient of friction that is counted on.
-        carried: (N, F) s for which feet have carried.
-        priority: (N,) factor on errors of the moment, as the layer has it at this tick.
-        vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
-        acceleration: (N, nv) that its last torques were made for.
-    """
-
-    warm_start: np.ndarray
+    warm_start: np.ndarray  # (N, 6) of the contact forces
+    # (N,) share of the weight by which the wrench on the base misses the desired one, and of
+    # gravity by which contacts would move.
     residual: np.ndarray
-    underactuation: np.ndarray
-    strength: np.ndarray
-    grip: np.ndarray
-    carried: np.ndarray
-    priority: np.ndarray
-    vertical: np.ndarray
-    acceleration: np.ndarray
+    underactuation: np.ndarray  # (N,) directions of the base that the contacts cannot push
+    strength: np.ndarray  # (N,) share of their torques that the motors are taken to give
+    grip: np.ndarray  # (N,) share of the coefficient of friction that is counted on
+    carried: np.ndarray  # (N, F) s for which feet have carried
+    priority: np.ndarray  # (N,) factor on errors of the moment, as the layer has it at this tick
+    vertical: np.ndarray  # (N, 4) of the robots' vertical motion, see `believed_strength`
+    acceleration: np.ndarray  # (N, nv) that its last torques were made for
 
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
@@ -527,15 +495,8 @@ def stabilise(
 
         x: a + w^2 (x_target - x) + 2 zeta w (xdot_target - xdot) + what is added
 
-    and the joints in the same way, where a is the target's.
-
-    Args:
-        law: of the robots.
-        command: its `body` (N, 6) is what is added: m/s^2 along the heading, and rad/s^2 in the
-            base's axes.
-        state: of the robots.
-        target: what they shall do.
-        terms: of the robots.
+    and the joints in the same way, where a is the target's. What is added is the command's `body`
+    (N, 6): m/s^2 along the heading, and rad/s^2 in the base's axes.
     """
     if len(command.reference) > 0:
         return command

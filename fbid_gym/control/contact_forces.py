@@ -136,13 +136,7 @@ def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
 
 @compiled
 def limits_in_contact(limits: PointLimits, robot: int, values: np.ndarray) -> None:
-    """Write the limits of a robot's points, zero where they are not in contact, to `values` (P, 3).
-
-    Args:
-        limits: of all robots.
-        robot: which of them.
-        values: (P, 3).
-    """
+    """Write the limits of a robot's points, zero where they are not in contact, to (P, 3)."""
     row = limits.rows[min(robot, len(limits.rows) - 1)]
     present = limits.active[min(robot, len(limits.active) - 1)]
     for i in range(len(values)):

@@ -73,15 +73,8 @@ def checked_equations(
 ) -> tuple[EquationOfMotion, Constraint, np.ndarray, dict[str, int]]:
     """Return equation of motion, constraint of the contacts, desired acceleration, and sizes.
 
-    Args:
-        mass_matrix: (N, nv, nv) M.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J.
-        acceleration: (N, nv) desired.
-        jacobian_bias: (N, k) Jdot v.
-
     Raises:
-        ShapeError: an array does not fit.
+        ShapeError: an array does not fit the Jacobian.
     """
     sizes = contact_sizes(jacobian)
     motion = EquationOfMotion(

@@ -29,21 +29,13 @@ _LANDING, _LOSING, _RECOVERING, _SPEED = 0.06, 0.15, 12.0, 0.06
 
 
 class GripModel(NamedTuple):
-    """When feet slip, and how fast a law takes notice.
+    """When feet slip, and how fast a law takes notice."""
 
-    Attributes:
-        tick: s, of the law.
-        landing: s that a foot carries before its speed counts, as feet land with some.
-        speed: m/s up to which a foot that carries only creeps; at twice as much it slips.
-        losing: s, time constant of the friction counted on while a foot slips; inf for never.
-        recovering: s, the same while none does.
-    """
-
-    tick: float
-    landing: float
-    speed: float
-    losing: float
-    recovering: float
+    tick: float  # s, of the law
+    landing: float  # s that a foot carries before its speed counts, as feet land with some
+    speed: float  # m/s up to which a foot that carries only creeps; at twice as much it slips
+    losing: float  # s, time constant of the friction counted on while a foot slips; inf for never
+    recovering: float  # s, the same while none does
 
     @classmethod
     def of(cls, falling_rate: float, gravity: float, tick: float, *, notices: bool) -> "GripModel":
@@ -67,17 +59,9 @@ def notice_slip(
 ) -> None:
     """Update the share of their coefficient of friction that robots count on.
 
-    A foot's speed is that of its centre of pressure, where a sole that tips stays.
-
-    Args:
-        model: of the robots.
-        geometry: of their contact points.
-        gravity: m/s^2.
-        state: of the robots; its contact forces are those on the points.
-        terms: of the robots.
-        active: (N, P) whether a point is taken to be on the ground.
-        carried: (N, F) s for which feet have carried; updated.
-        grip: (N,) the shares; updated.
+    A foot's speed is that of its centre of pressure, where a sole that tips stays. `active` (N, P)
+    says which points are taken to be on the ground. The seconds for which feet have `carried`
+    (N, F) and the shares, `grip` (N,), are updated.
     """
     for i in range(len(grip)):
         weight, slips = gravity * terms.mass_matrix[i, 0, 0], 0.0

@@ -141,12 +141,8 @@ def invert_dynamics(
 ) -> InverseDynamics:
     """The law of the module, robot by robot.
 
-    Args:
-        motion: M and h.
-        constraint: of the contacts.
-        desired: (N, nv) acceleration.
-        torque_cost: (N, n) or (1, n) diagonal of W; (0, n) for ones.
-        mobility: (nv,) one over the weights of accelerations: diagonal of A^-1.
+    The torque cost is the diagonal of W, (N, n) or (1, n), (0, n) for ones; the mobility, one over
+    the weights of accelerations, that of A^-1, (nv,).
     """
     count, rows, velocities = constraint.jacobian.shape
     joints = velocities - 6
@@ -305,12 +301,7 @@ def _backward_error(
 ) -> float:
     """Largest of the base rows of M a + h - J^T lambda, each as a share of its summands' sizes.
 
-    Args:
-        motion: M and h of the robot.
-        acceleration: (nv,).
-        jacobian: (k, nv).
-        contact_force: (k,).
-        missing: (nv,) M a + h - J^T lambda.
+    `missing` (nv,) is that difference.
     """
     largest = 0.0
     for row in range(6):
@@ -346,14 +337,8 @@ def _make_achievable(
     """Change an acceleration (nv,) as little as it takes to need no wrench beyond the contacts.
 
     It keeps the contacts: with P = A^-1 - A^-1 J^T (J A^-1 J^T)^+ J A^-1 the change is P M_b^T u,
-    M_b the base rows of M.
-
-    Args:
-        motion: M and h of the robot.
-        held: its contacts.
-        mobility: (nv,) diagonal of A^-1.
-        arm: m, the radius of gyration.
-        acceleration: (nv,) consistent with the contacts; overwritten.
+    M_b the base rows of M. The mobility (nv,) is the diagonal of A^-1, `arm` (m) the radius of
+    gyration.
     """
     rows, velocities = held.weighted.shape
     beyond, through = np.empty((6, 6)), np.empty((6, 6))

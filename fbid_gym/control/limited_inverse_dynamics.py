@@ -230,14 +230,7 @@ def _yield_to(
     """Write the least acceleration that changes the base wrench, of those that keep the contacts.
 
     That is P M_b^T (M_b P M_b^T)^+ wrench, see the module; and the least of all for what is left.
-
-    Args:
-        mass_matrix: (nv, nv).
-        jacobian: (k, nv).
-        held: of the Jacobian.
-        mobility: see `Nearness`.
-        wrench: (6,) N, N·m; overwritten.
-        change: (nv,) to write to.
+    The wrench (6,), N and N·m, is overwritten.
     """
     rows, velocities = jacobian.shape
     shape = velocities, 6

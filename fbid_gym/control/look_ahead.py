@@ -28,19 +28,12 @@ from fbid_gym.small_matrices import copy, dot
 
 
 class Delay(NamedTuple):
-    """How late torques of a robot come, and what of it tells where it will be by then.
+    """How late torques of a robot come, and what of it tells where it will be by then."""
 
-    Attributes:
-        seconds: of the delay.
-        tick: s, from torque to torque.
-        gravity: m/s^2.
-        radius: (F,) m, of its feet.
-    """
-
-    seconds: float
-    tick: float
-    gravity: float
-    radius: np.ndarray
+    seconds: float  # of the delay
+    tick: float  # s, from torque to torque
+    gravity: float  # m/s^2
+    radius: np.ndarray  # (F,) m, of its feet
 
     @property
     def ticks(self) -> int:
@@ -54,13 +47,8 @@ def look_ahead(
 ) -> tuple[RobotState, DynamicsTerms]:
     """Return state and terms of N robots after a delay; M, h, J and Jdot v stay those of now.
 
-    Args:
-        late: how late torques come.
-        made: (N, nv) accelerations for which the last torques were made.
-        sent: (N, H, nv) those of the torques on their way, newest first; `made` is put in
-            front.
-        state: of the robots.
-        terms: of the robots.
+    The last torques were made for the accelerations `made` (N, nv), those on their way for `sent`
+    (N, H, nv), newest first; `made` is put in front of these.
     """
     qpos, qvel = state.qpos.copy(), state.qvel.copy()
     base_position, world_from_base = terms.base_position.copy(), terms.world_from_base.copy()

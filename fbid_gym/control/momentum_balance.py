@@ -43,19 +43,12 @@ _SWING_MOBILITY = 1e-3
 
 
 class PostureGains(NamedTuple):
-    """Of the joints: w^2 (1/s^2) and 2 zeta w (1/s), while their foot stands and while it swings.
+    """Gains of the joints: w^2 (1/s^2) and 2 zeta w (1/s), where their foot stands and swings."""
 
-    Attributes:
-        stiffness: of joints that no swinging foot hangs from.
-        damping: of the same.
-        swing_stiffness: of a swinging leg.
-        swing_damping: of the same.
-    """
-
-    stiffness: float
-    damping: float
-    swing_stiffness: float
-    swing_damping: float
+    stiffness: float  # of joints that no swinging foot hangs from
+    damping: float  # of the same
+    swing_stiffness: float  # of a swinging leg
+    swing_damping: float  # of the same
 
     @classmethod
     def of(cls, posture: float, swing: float, ratio: float) -> "PostureGains":
@@ -65,39 +58,23 @@ class PostureGains(NamedTuple):
 
 
 class MomentumBalance(NamedTuple):
-    """Of a paper's balancer on one robot, see `balance_torque`.
+    """Of a paper's balancer on one robot, see `balance_torque`."""
 
-    Attributes:
-        balancer: one of those in `fbid_gym.control.balancers`.
-        wrench: gains of the desired wrench.
-        posture: gains of the joints.
-        push: (6,) N and N·m, what action 1 adds to the desired wrench, in the frame of the feet.
-        gravity: m/s².
-        geometry: of the contact points.
-        heading: of the feet.
-        legs: (F, n) bool, joints that move this foot and no other.
-        limits: (1, P, 3) on the contact forces, see `limit_rows`.
-        torque_limit: (1, n) N·m.
-        weight: (1,) N, of the robot.
-        scale: (6,) turns errors of the wrench into N whose squares are comparable.
-        passive: what joints take of their torques, to be given back.
-        limited: whether contact forces and torques have limits.
-    """
-
-    balancer: int
-    wrench: WrenchGains
-    posture: PostureGains
+    balancer: int  # one of those in `fbid_gym.control.balancers`
+    wrench: WrenchGains  # gains of the desired wrench
+    posture: PostureGains  # gains of the joints
+    # (6,) N and N·m, what action 1 adds to the desired wrench, in the frame of the feet.
     push: np.ndarray
-    gravity: float
-    geometry: ContactGeometry
-    heading: Heading
-    legs: np.ndarray
-    limits: np.ndarray
-    torque_limit: np.ndarray
-    weight: np.ndarray
-    scale: np.ndarray
-    passive: PassiveJoints
-    limited: bool
+    gravity: float  # m/s²
+    geometry: ContactGeometry  # of the contact points
+    heading: Heading  # of the feet
+    legs: np.ndarray  # (F, n) bool, joints that move this foot and no other
+    limits: np.ndarray  # (1, P, 3) on the contact forces, see `limit_rows`
+    torque_limit: np.ndarray  # (1, n) N·m
+    weight: np.ndarray  # (1,) N, of the robot
+    scale: np.ndarray  # (6,) turns errors of the wrench into N whose squares are comparable
+    passive: PassiveJoints  # what joints take of their torques, to be given back
+    limited: bool  # whether contact forces and torques have limits
 
 
 @kernel
@@ -156,18 +133,8 @@ def desired_wrench(
 ) -> np.ndarray:
     """Return the wrench at the centre of mass that leads robots back to their target.
 
-    Args:
-        gains: of [G15] (36) or (38); all but K_R along the axes of the feet's frame.
-        gravity: m/s^2, along -z.
-        push: (N, 6) N and N·m, to add; in the frame of the feet.
-        state: of the robots.
-        target: what they shall do.
-        terms: of the robots.
-        body: of the robots.
-        frame: of their feet.
-
-    Returns:
-        (N, 6) N and N·m, world.
+    In the world's axes, (N, 6) N and N·m, by [G15] (36) or (38). Gains, all but K_R, and the push
+    (N, 6) that is added are along the axes of the feet's frame; gravity (m/s^2) is along -z.
     """
     asked, moving = balance_target(target, terms, body), body_motion(state, terms, body)
     wrench = balance_wrench(gains, asked, moving, frame.world_from_support, gravity)

@@ -38,17 +38,11 @@ _TRUSTED, _DOUBTED = 0.1, 0.2  # errors of the share: torques are trusted to her
 
 
 class MotorModel(NamedTuple):
-    """What a law believes of the motors.
+    """What a law believes of the motors."""
 
-    Attributes:
-        line: what they can give at a speed.
-        tick: s, of the law.
-        window: s, time constant of the mean in which weak motors are seen.
-    """
-
-    line: TorqueLine
-    tick: float
-    window: float
+    line: TorqueLine  # what they can give at a speed
+    tick: float  # s, of the law
+    window: float  # s, time constant of the mean in which weak motors are seen
 
 
 @compiled
@@ -57,14 +51,9 @@ def believed_strength(
 ) -> float:
     """Return the share of their torques that a robot's motors are taken to give.
 
-    Args:
-        motors: of the robot.
-        gravity: m/s^2.
-        terms: of the robots.
-        past: (4,) of this one: the vertical velocity of its centre of mass a tick ago (m/s), the
-            vertical force that was asked for then (N), the means of its product with the force that
-            came and of its square (N^2); zeros if there is no past. Updated, but for the force.
-        i: which robot.
+    Its `past` (4,) is the vertical velocity of its centre of mass a tick ago (m/s), the vertical
+    force that was asked for then (N), the means of its product with the force that came and of its
+    square (N^2); zeros if there is no past. It is updated, but for the force.
     """
     mass, speed = terms.mass_matrix[i, 0, 0], terms.com_velocity[i, 2]
     if past[3] == 0.0:
@@ -94,19 +83,10 @@ def bound_forces(
 ) -> bool:
     """Bring forces of a robot within what its motors can give; whether that changed them.
 
-    To be called where torques `exceed_limits`: buffers are made here.
-
-    Args:
-        line: of the motors.
-        strength: share of their torques that they are taken to give.
-        accuracy: of the forces.
-        weight: N, of the robot.
-        terms: of the robots.
-        qvel: (N, nv) of the robots.
-        torque: (n,) N·m that the forces and the motion need.
-        i: which robot.
-        work: its forces are changed; their missing wrench is how theirs differs from before.
-        missed: (6,) scaled wrench that they miss altogether; written.
+    To be called where torques `exceed_limits`: buffers are made here. The motors are taken to give
+    a share, `strength`, of their torques; `torque` (n,) N·m is what forces and motion need. The
+    forces in `work` are changed, and their missing wrench is how theirs differs from before; the
+    scaled wrench that they miss altogether is written to `missed` (6,).
     """
     count = work.forces.problem.number[0]
     slope = np.zeros((len(torque), 3 * count))

@@ -68,95 +68,53 @@ _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on
 
 
 class Feet(NamedTuple):
-    """What the feet of N robots shall do.
+    """What the feet of N robots shall do."""
 
-    Attributes:
-        asked: (N, F) int64, `FREE`, `MOVES` or `STANDS`.
-        acceleration: (N, F, 6) m/s^2, rad/s^2, of their references.
-        active: (N, P) bool, points on the ground.
-        limits: (N, P, 3) friction coefficient, least and greatest normal force (N).
-    """
-
-    asked: np.ndarray
-    acceleration: np.ndarray
-    active: np.ndarray
-    limits: np.ndarray
+    asked: np.ndarray  # (N, F) int64, `FREE`, `MOVES` or `STANDS`
+    acceleration: np.ndarray  # (N, F, 6) m/s^2, rad/s^2, of their references
+    active: np.ndarray  # (N, P) bool, points on the ground
+    limits: np.ndarray  # (N, P, 3) friction coefficient, least and greatest normal force (N)
 
 
 class Motion(NamedTuple):
-    """A motion of one robot: accelerations, or velocities. Buffers.
+    """A motion of one robot: accelerations, or velocities. Buffers."""
 
-    Attributes:
-        asked: (F, R) c - Jdot v of the feet's rows; then less L r.
-        force: (F, R) G^-1 of that.
-        reference: (nv,) r, to stay near to; W_u^-1 r of the base counts.
-        offset: (F, K) of the legs' joints, see the module.
-        base: (6,) u.
-        others: (A,) of the joints that do not move one foot alone.
-        momentum: (6,) rows b of M times the motion.
-        whole: (nv,) of all coordinates.
-    """
-
-    asked: np.ndarray
-    force: np.ndarray
-    reference: np.ndarray
-    offset: np.ndarray
-    base: np.ndarray
-    others: np.ndarray
-    momentum: np.ndarray
-    whole: np.ndarray
+    asked: np.ndarray  # (F, R) c - Jdot v of the feet's rows; then less L r
+    force: np.ndarray  # (F, R) G^-1 of that
+    reference: np.ndarray  # (nv,) r, to stay near to; W_u^-1 r of the base counts
+    offset: np.ndarray  # (F, K) of the legs' joints, see the module
+    base: np.ndarray  # (6,) u
+    others: np.ndarray  # (A,) of the joints that do not move one foot alone
+    momentum: np.ndarray  # (6,) rows b of M times the motion
+    whole: np.ndarray  # (nv,) of all coordinates
 
 
 class Work(NamedTuple):
-    """Buffers for the law on one robot: F legs of K joints, R rows a foot, P points.
+    """Buffers for the law on one robot: F legs of K joints, R rows a foot, P points."""
 
-    Attributes:
-        by_base: (F, R, 6) B of the module.
-        by_leg: (F, R, K) L.
-        gain: (F, R, R) factors of G.
-        ridge: (F, R) on G.
-        weight: (F, K) W of the legs' joints; 0 where there is none.
-        mass: (F, 6, K) rows b of M, of the legs' joints.
-        spread: (F, R, 6) G^-1 B.
-        follow: (F, K, 6).
-        metric: (6, 6) factors of S.
-        reach: (6, 6) rows b of M, per u with the legs following.
-        by_others: (6, A) rows b of M, of the other joints;
-        free: (A,) their W, 0 of those that move feet;
-        rows: (6, 6) of a task, per u;
-        other_rows: (6, A), per motion of the other joints;
-        columns: (6, 6) S^-1 rows^T;
-        gains: (6, 6);
-        share: (6,) what is left to do of the task, then S^-1 rows^T of it is the change of u.
-        column: (6,) and
-        diagonal: (6,), buffers.
-        arms: (P, 3) m, world, of the points on the ground from their foot's reference.
-        feet: (P,) int64, theirs.
-        forces: on these points.
-    """
-
-    by_base: np.ndarray
-    by_leg: np.ndarray
-    gain: np.ndarray
-    ridge: np.ndarray
-    weight: np.ndarray
-    mass: np.ndarray
-    spread: np.ndarray
-    follow: np.ndarray
-    metric: np.ndarray
-    reach: np.ndarray
-    by_others: np.ndarray
-    free: np.ndarray
-    rows: np.ndarray
-    other_rows: np.ndarray
-    columns: np.ndarray
-    gains: np.ndarray
+    by_base: np.ndarray  # (F, R, 6) B of the module
+    by_leg: np.ndarray  # (F, R, K) L
+    gain: np.ndarray  # (F, R, R) factors of G
+    ridge: np.ndarray  # (F, R) on G
+    weight: np.ndarray  # (F, K) W of the legs' joints; 0 where there is none
+    mass: np.ndarray  # (F, 6, K) rows b of M, of the legs' joints
+    spread: np.ndarray  # (F, R, 6) G^-1 B
+    follow: np.ndarray  # (F, K, 6)
+    metric: np.ndarray  # (6, 6) factors of S
+    reach: np.ndarray  # (6, 6) rows b of M, per u with the legs following
+    by_others: np.ndarray  # (6, A) rows b of M, of the other joints
+    free: np.ndarray  # (A,) their W, 0 of those that move feet
+    rows: np.ndarray  # (6, 6) of a task, per u
+    other_rows: np.ndarray  # (6, A) likewise, per motion of the other joints
+    columns: np.ndarray  # (6, 6) S^-1 rows^T
+    gains: np.ndarray  # (6, 6) of the task, factored
+    # (6,) what is left to do of the task, then S^-1 rows^T of it is the change of u.
     share: np.ndarray
-    column: np.ndarray
-    diagonal: np.ndarray
-    arms: np.ndarray
-    feet: np.ndarray
-    forces: Room
+    column: np.ndarray  # (6,) a buffer
+    diagonal: np.ndarray  # (6,) a buffer
+    arms: np.ndarray  # (P, 3) m, world, of the points on the ground from their foot's reference
+    feet: np.ndarray  # (P,) int64, theirs
+    forces: Room  # on these points
 
 
 @compiled
@@ -223,18 +181,11 @@ def factor_legs(
     work: Work,
     motion: Motion,
 ) -> None:
-    """Have the legs follow the base, and read what is asked of the feet into `motion`.
+    """Have the legs follow the base, and read what is asked of the feet into `motion.asked`.
 
-    Args:
-        limbs: of the robot.
-        geometry: of its contacts.
-        mobility: (nv,) how readily each coordinate departs from its reference: W.
-        give: ridge on G of standing feet on legs of too few joints, a share of its mean gain.
-        feet: what they shall do.
-        terms: where the robots are.
-        i: which robot.
-        work: written: of the legs, metric, reach.
-        motion: its `asked` is written; `reference` is read.
+    The mobility (nv,) is W of the module; `give` is the ridge on G of standing feet on legs
+    of too few joints, a share of its mean gain. What `work` has of legs, metric and reach is
+    written; of the motion the reference is read.
     """
     metric, reach, mass_matrix = work.metric, work.reach, terms.mass_matrix[i]
     for row in range(6):
@@ -504,13 +455,11 @@ def move_with_feet(
 
 @compiled
 def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) -> None:
-    """Change a motion by as little as a task of the body takes.
+    """Change a motion, that is its base, others and momentum, by as little as a task takes.
 
-    Args:
-        size: m, of the task: the first m of `work.rows`, and of what is left to do, `work.share`.
-        least_gain: (6,) see `operational_space`.
-        work: of the robot; rows, other_rows and share are overwritten.
-        motion: its base, others and momentum are changed.
+    The task of the body has as many of `work.rows`, and of what is left to do, `work.share`, as its
+    `size` says; rows, other rows and share are overwritten. `least_gain` (6,) is that of
+    `operational_space`.
     """
     rows, columns, lower, share = work.rows, work.columns, work.gains, work.share
     other_rows, free = work.other_rows, work.free
@@ -586,18 +535,9 @@ def deliver_forces(
 ) -> None:
     """Find the forces on the points that best deliver rows b of M a + h, within their limits.
 
-    Args:
-        geometry: of the contacts.
-        feet: their points.
-        terms: where the robots are.
-        nearness: (6,) turns N and N·m into N whose squares are comparable.
-        accuracy: of the forces.
-        weight: N.
-        start: (6,) where to begin.
-        next_start: (6,) where to begin at the next tick; written.
-        i: which robot.
-        work: written: arms, feet, forces.
-        motion: the desired one.
+    They begin at `start` (6,), and write where to begin at the next tick to `next_start`; arms,
+    feet and forces of `work` are written. The nearness (6,) turns N and N·m into N whose squares
+    are comparable.
     """
     base, to_base = vector(terms.base_position, (i,)), transposed(
         matrix(terms.world_from_base, (i,))

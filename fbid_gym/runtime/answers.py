@@ -18,14 +18,15 @@ from fbid_gym.tasks.observation import Groups
 _POSITIVE = Number(1e-9, 1e9)
 _FLOAT = np.dtype(float)
 _MOST_PLANNED = 2**30  # bytes, of all robots' episodes
-_PLANNED = ("qpos", "qvel", "push_start", "push_force", "push_velocity")
+DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")
+"""Entries of every plan: drawn by chance, and of simulations."""
 
 
 def check_plan(task: Task, drawn: Plan) -> None:
     """Raise an FbidError unless what a task draws is what `Task` says."""
     kind = type(task).__name__
-    if not isinstance(drawn, Mapping) or not drawn.keys() >= set(_PLANNED):
-        _refuse(drawn, kind, f"a dictionary that holds at least {', '.join(_PLANNED)}")
+    if not isinstance(drawn, Mapping) or not drawn.keys() >= set(DRAWN):
+        _refuse(drawn, kind, f"a dictionary that holds at least {', '.join(DRAWN)}")
     for name, value in drawn.items():
         if not isinstance(value, np.ndarray | np.generic):
             raise InvalidValueError(f"{name!r} drawn by {kind}", value, "an array")
@@ -102,13 +103,7 @@ def check_layer(layer: ActionLayer, memory: Any, num_robots: int) -> None:
 
 
 def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) -> np.ndarray:
-    """Return an answer as a C-contiguous array of float64.
-
-    Args:
-        answer: of a task or a layer.
-        shape: that it shall have.
-        whose: answer it is.
-        name: of the answer.
+    """Return the answer of a task or a layer, by its name, as a C-contiguous array of float64.
 
     Raises:
         ShapeError: another shape.

@@ -248,10 +248,6 @@ class EnvConfig:
         options = by_name("layer_options", self.layer_options)
         return make_layer(self.action_layer, robot, self.rates().control, task.kind, options)
 
-    def every_layer_option(self) -> dict[str, Any]:
-        """Return the options of the action layer, those that are not given with their defaults."""
-        return layer_options(self.action_layer) | by_name("layer_options", self.layer_options)
-
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
         rates = self.rates()
@@ -339,7 +335,7 @@ class EnvConfig:
         task = self.make_task(robot)
         layer, additions = self.layer(robot, task)
         terms, sensors = self.reward_terms(task), self.perceived()
-        options = self.every_layer_option()
+        options = layer_options(self.action_layer) | by_name("layer_options", self.layer_options)
         options["footholds"] = bool(additions.feet.any())
         for name, value in options.items():
             if value is None:
@@ -348,7 +344,7 @@ class EnvConfig:
                 told = getattr(layer, "meant", {}).get(name, assumed)
                 options[name] = _derived(getattr(layer, name, told))
             elif isinstance(value, Falling):
-                options[name] = _derived(*in_hertz(robot, **{name: value}).values())
+                options[name] = _derived(in_hertz(robot, value))
         filled = {
             "layer_options": options,
             "motors": complete_table(plain_robot, self.motors, motor_sheet(plain_robot)),

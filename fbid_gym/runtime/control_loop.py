@@ -4,11 +4,11 @@ Environments run it on a simulation, `fbid_gym.runtime.Controller` on whatever h
 no physics: who runs it says where the robots are.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from fbid_gym.actions.layer import GetTerms
 from fbid_gym.motions.gait.command import Steering
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.runtime import answers
@@ -95,13 +95,7 @@ class ControlLoop:
         own, added = np.hsplit(self.delay.arrived(tick), [self._num_own])
         return np.ascontiguousarray(own), *self.additions.split(added)
 
-    def torque(
-        self,
-        tick: int,
-        state: RobotState,
-        terms: Callable[[], DynamicsTerms],
-        actual: Callable[[], DynamicsTerms],
-    ) -> np.ndarray:
+    def torque(self, tick: int, state: RobotState, terms: GetTerms, actual: GetTerms) -> np.ndarray:
         """Return the torques (N, n) N·m of a tick, before limits; task and layer go on by it.
 
         Args:
@@ -122,13 +116,9 @@ class ControlLoop:
     def outcome(
         self, state: RobotState, terms: DynamicsTerms, effort: Effort, sums: dict[str, np.ndarray]
     ) -> Outcome:
-        """Return the outcome of a policy step.
+        """Return the outcome of a policy step, from state and terms at its end.
 
-        Args:
-            state: at its end.
-            terms: at its end.
-            effort: of its ticks.
-            sums: "distance" and "energy" (N,), see `Outcome`.
+        The effort is that of its ticks; the sums are "distance" and "energy" (N,), see `Outcome`.
         """
         ticks = self.rates.ticks
         square = effort.torque_square / (ticks * effort.torque.shape[1])

@@ -32,7 +32,6 @@ _COMMANDED = ("command", "command_start", "command_ramp")
 Heights = Callable[[np.ndarray], Any]
 """Tells how high the ground is, (K,) m, at places (K, 2) m of the world that has "position"."""
 
-_DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
 _BLIND = "None: the policy does not see the ground"
 
 
@@ -163,7 +162,7 @@ class Controller:
             FbidError: the plan has no such entry, or it is of another shape.
         """
         plan, command = self.loop.plan, self.loop.plan.get("command")
-        names = [n for n in plan if n not in (*_DRAWN, *_COMMANDED)]
+        names = [n for n in plan if n not in (*answers.DRAWN, *_COMMANDED)]
         check_choices("entry of the plan", planned, names)
         given = {}
         for name, value in planned.items():

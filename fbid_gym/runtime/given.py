@@ -12,12 +12,7 @@ _TOLERANCE = 1e-6
 
 
 def checked_action(action: Any, shape: tuple[int, ...], *, refuse: bool) -> np.ndarray:
-    """Return actions of a shape as floats.
-
-    Args:
-        action: as given.
-        shape: that it shall have.
-        refuse: whether one outside [-1, 1] is an error.
+    """Return actions of a shape as floats; `refuse` says whether one outside [-1, 1] is an error.
 
     Raises:
         ShapeError: they are of another shape.
@@ -51,16 +46,10 @@ def clip(action: np.ndarray) -> np.ndarray:
 def checked_command(
     command: Any, shape: tuple[int, ...], largest: float, num_envs: int
 ) -> np.ndarray:
-    """Return a command for each environment, (num_envs, *shape).
-
-    Args:
-        command: one for all, of the shape, or one for each.
-        shape: of one.
-        largest: size of what can be observed of one.
-        num_envs: how many.
+    """Return a command for each environment, (num_envs, *shape), from one for all or one for each.
 
     Raises:
-        FbidError: neither.
+        FbidError: it is neither, or has numbers beyond the largest that can be observed.
     """
     expected = f"{shape}, or {(num_envs, *shape)} of environments' own"
     given = real_numbers("command", command, f"numbers of shape {expected}").astype(float)

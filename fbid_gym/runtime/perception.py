@@ -82,9 +82,7 @@ class Perception:
     def update(self, actual: RobotState, torque: np.ndarray) -> None:
         """Read the sensors at the end of a control tick, and go on with the estimate.
 
-        Args:
-            actual: state of the robots.
-            torque: (N, n) N·m, of the motors in the tick.
+        The state is the actual one, the torque (N, n) N·m that of the motors in the tick.
         """
         sense(self._instruments, actual, self._all, self._wear, self.estimator.readings)
         self.estimator.update(torque)

@@ -21,13 +21,11 @@ class Rates:
         """Check that every rate is a whole number that divides the next faster one."""
         check_fields(self, "{}_hz")
         for fast, slow in (("physics", "control"), ("control", "policy")):
-            ratio = getattr(self, fast) / getattr(self, slow)
-            if ratio != int(ratio):
+            whole, part = getattr(self, fast), getattr(self, slow)
+            if whole % part:
+                times = f"(it is {whole / part:g} times slower)"
                 raise InvalidValueError(
-                    f"{slow}_hz",
-                    getattr(self, slow),
-                    f"a divisor of {fast}_hz = {getattr(self, fast)} "
-                    f"(it is {ratio:g} times slower)",
+                    f"{slow}_hz", part, f"a divisor of {fast}_hz = {whole} {times}"
                 )
 
     @property

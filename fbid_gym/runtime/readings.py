@@ -35,23 +35,14 @@ _OF_A_STATE = {*SENSORS, TOUCH} - READINGS.keys()
 
 @dataclass(frozen=True, eq=False)
 class Reader:
-    """Takes the readings of one robot to its estimator.
+    """Takes the readings of one robot to its estimator."""
 
-    Attributes:
-        robot: the robot.
-        estimator: of its state, N = 1.
-        shapes: of each reading's numbers, by name.
-        spared: names of those that may be left out.
-        seconds: from one reading of the encoders to the next.
-        follow: share of the way to the newest velocity that their low pass goes.
-    """
-
-    robot: Robot
-    estimator: Estimator
-    shapes: dict[str, tuple[int, ...]]
-    spared: tuple[str, ...]
-    seconds: float
-    follow: float
+    robot: Robot  # the robot
+    estimator: Estimator  # of its state, N = 1
+    shapes: dict[str, tuple[int, ...]]  # of each reading's numbers, by name
+    spared: tuple[str, ...]  # names of those that may be left out
+    seconds: float  # from one reading of the encoders to the next
+    follow: float  # share of the way to the newest velocity that their low pass goes
 
     @classmethod
     def of(cls, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> "Reader":
@@ -70,11 +61,7 @@ class Reader:
         return isinstance(given, Mapping) and _OF_A_STATE.isdisjoint(given)
 
     def take(self, given: Mapping[str, Any], begins: bool) -> None:
-        """Check what is given, and write it to the readings of the estimator.
-
-        Args:
-            given: `READINGS` by name.
-            begins: whether they are the first.
+        """Check `READINGS` by name, and write them to those of the estimator; `begins`: the first.
 
         Raises:
             FbidError: a reading that is missing, of another shape or not finite; names it. Nothing

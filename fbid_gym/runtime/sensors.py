@@ -36,17 +36,11 @@ _OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """What of one robot is sensed.
+    """What of one robot is sensed."""
 
-    Attributes:
-        robot: the robot.
-        shapes: of each sensor's numbers, by name.
-        weight: of the robot, N.
-    """
-
-    robot: Robot
-    shapes: dict[str, tuple[int, ...]]
-    weight: float
+    robot: Robot  # the robot
+    shapes: dict[str, tuple[int, ...]]  # of each sensor's numbers, by name
+    weight: float  # of the robot, N
 
     @classmethod
     def of(cls, robot: Robot) -> "Sensing":

@@ -51,19 +51,13 @@ _PUSH = Pair(0.0, 100.0)
 
 
 class TaskKind(NamedTuple):
-    """A task before it has a robot.
+    """A task before it has a robot."""
 
-    Attributes:
-        of: its constructor, called as `(episode, **options)`.
-        push: (least, most) size of a push by default, share of the robot's weight.
-        terms: of its reward; empty for a user's task, which tells them once it has a robot.
-        own_terms: those that a user adds to them.
-    """
-
-    of: Callable[..., Task]
+    of: Callable[..., Task]  # its constructor, called as `(episode, **options)`
+    # (least, most) size of a push by default, share of the robot's weight.
     push: tuple[float, float]
-    terms: Terms
-    own_terms: dict[str, Term]
+    terms: Terms  # of its reward; empty for a user's task, which tells them once it has a robot
+    own_terms: dict[str, Term]  # those that a user adds to them
 
 
 TASKS: dict[str, TaskKind] = {

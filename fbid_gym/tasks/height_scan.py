@@ -14,9 +14,7 @@ SCAN = np.array([(x, y) for x in np.arange(-2, 5) * 0.5 for y in np.arange(-2, 3
 def scanned(offsets: np.ndarray, terms: DynamicsTerms) -> np.ndarray:
     """Return the places (N, S, 2) m around N robots where the ground is seen.
 
-    Args:
-        offsets: (S, 2) m from the base, ahead and to the left as it heads.
-        terms: where the robots are.
+    The offsets (S, 2) are m from the base, ahead and to the left as it heads.
     """
     count = len(terms.base_position)
     found = np.empty((count, len(offsets), 2))

@@ -71,16 +71,9 @@ def last_started(start: np.ndarray, tick: int) -> int:
 def check_schedule(name: str, interval: tuple[float, float], seconds: float) -> None:
     """Raise InvalidValueError where an episode of `seconds` has more events than are drawn.
 
-    Args:
-        name: of the interval.
-        interval: (least, most) s from one event to the next.
-        seconds: length of an episode.
+    The interval is (least, most) s from one event to the next.
     """
     least = seconds / MOST_EVENTS
     if interval[0] < least:
-        raise InvalidValueError(
-            name,
-            interval,
-            f"at least {least:g} s at episode_seconds = {seconds:g}: an episode has room for "
-            f"{MOST_EVENTS:,} of them",
-        )
+        expected = f"at least {least:g} s at episode_seconds = {seconds:g}: an episode has room for"
+        raise InvalidValueError(name, interval, f"{expected} {MOST_EVENTS:,} of them")

@@ -77,17 +77,11 @@ class Pushes:
 
 
 class Disturbances(NamedTuple):
-    """Pushes on the bases of N robots at T control ticks.
+    """Pushes on the bases of N robots at T control ticks."""
 
-    Attributes:
-        force: (T, N, 3) N, world.
-        jump: (T, N, 3) m/s, world, by which velocities change before the tick.
-        jumping: (T,) bool, whether any does.
-    """
-
-    force: np.ndarray
-    jump: np.ndarray
-    jumping: np.ndarray
+    force: np.ndarray  # (T, N, 3) N, world
+    jump: np.ndarray  # (T, N, 3) m/s, world, by which velocities change before the tick
+    jumping: np.ndarray  # (T,) bool, whether any does
 
 
 def _between(ends: tuple[float, float], share: np.ndarray) -> np.ndarray:

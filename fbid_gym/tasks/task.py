@@ -49,67 +49,53 @@ class Task(Protocol):
     @property
     def body(self) -> Body:
         """The robot, with the observations that all tasks share."""
-        ...
 
     @property
     def seconds(self) -> float:
         """Length of an episode."""
-        ...
 
     @property
     def pushes(self) -> Pushes:
         """The disturbances; their plan is part of the task's."""
-        ...
 
     @property
     def kind(self) -> MotionKind:
         """The kind of motion of the task."""
-        ...
 
     @property
     def derived(self) -> Mapping[str, Any]:
         """Values of the options that derive from the robot where the user gives none."""
-        ...
 
     @property
     def commands(self) -> Mapping[str, Any]:
         """Ranges of the commands: unit with direction -> (least, most)."""
-        ...
 
     @property
     def observation_groups(self) -> Groups:
         """The table of the observation, group after group."""
-        ...
 
     @property
     def reward_terms(self) -> Terms:
         """The table of the reward, before a user changes weights and scales."""
-        ...
 
     @property
     def tolerance(self) -> float:
         """Error of the velocity, m/s, up to which a robot follows its commands."""
-        ...
 
     def on(self, ground: Ground) -> "Task":
         """Return the task on other ground."""
-        ...
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode; "qpos" and "qvel" are its start."""
-        ...
 
     def memory(self, terms: DynamicsTerms) -> Memory:
         """Return the memory of robots that begin an episode where they are."""
-        ...
 
     def advance(self, plan: Plan, now: Now) -> None:
         """Go on by a control tick: the one method that writes to the memory."""
-        ...
 
     def target(self, plan: Plan, now: Now) -> Target:
         """Return the desired motion at this control tick."""
-        ...
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> Any:
         """Return the measurements for observation, reward and metrics, at the end of a policy step.
@@ -125,11 +111,9 @@ class Task(Protocol):
             A named tuple of arrays with a row for each robot. Those of this package have the
             `outcome`, and as `units` those of lengths, speeds and torques.
         """
-        ...
 
     def metrics(self, measured: Any) -> dict[str, np.ndarray]:
         """Return physical quantities for evaluation from the measurements, name -> (N,)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -72,11 +72,9 @@ class Motion(Protocol):
     @property
     def period(self) -> int:
         """Control ticks."""
-        ...
 
     def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
         """Return the desired motion of N robots at ticks (N,) and speeds (N,) m/s."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

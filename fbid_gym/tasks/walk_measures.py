@@ -125,11 +125,7 @@ def note(
 ) -> None:
     """Note the gait's target at a control tick, and the distance of a landing from its foothold.
 
-    Args:
-        target: of the gait.
-        foot_position: (N, F, 3) m, world, as controllers know it.
-        actual_position: likewise, as it is.
-        notes: updated.
+    Feet are at `foot_position` (N, F, 3) m as controllers know it, at `actual_position` as it is.
     """
     count, feet = target.planted.shape
     for i in range(count):
@@ -166,15 +162,8 @@ def measure_motion(
 ) -> Motion:
     """Return how robots move.
 
-    Args:
-        units: of speeds and rates.
-        foot_of_point: (P,) int64.
-        qvel: (N, nv) m/s, rad/s.
-        terms: where the robots are.
-        touching: (N, P) bool, which points carry weight.
-        command: (N, 3) m/s ahead, m/s and rad/s to the left.
-        notes: of the gait.
-        ground: (N,) m, height of the ground, in the world of `terms`.
+    By the points that carry weight, `touching` (N, P), the command (N, 3), m/s ahead, m/s and rad/s
+    to the left, and the height of the ground (N,) m in the world of `terms`.
     """
     count, feet = notes.planted.shape
     motion = Motion(
