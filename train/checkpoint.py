@@ -40,13 +40,9 @@ class Resumable(Protocol):
 
 
 def save(file: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[str, Any]) -> None:
-    """Write a checkpoint, replacing the one before as a whole.
+    """Write a checkpoint of a learner between two iterations, in place of the one before.
 
-    Args:
-        file: its place.
-        algorithm: its name.
-        learner: between two iterations.
-        counters: JSON values to store along.
+    The counters are JSON values to store along.
     """
     tensors, state = _capture(algorithm, learner)
     head = {"format": FORMAT, "algorithm": algorithm}
@@ -54,15 +50,7 @@ def save(file: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[s
 
 
 def restore(file: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, Any]:
-    """Put a checkpoint into a learner built from the same configuration.
-
-    Args:
-        file: given to `save`.
-        algorithm: its name.
-        learner: to put it into.
-
-    Returns:
-        The counters given to `save`.
+    """Put a checkpoint into a learner of the same configuration; return the counters of `save`.
 
     Raises:
         RunError: missing, truncated, corrupt, or from another network or environment; names the
@@ -168,12 +156,15 @@ def _put_back(
             averages.setdefault(int(index), {})[name] = torch.from_numpy(array)
         groups = its.state_dict()["param_groups"]
         its.load_state_dict({"state": averages, "param_groups": groups})
-    for name, own in ALGORITHMS[algorithm].arrays(learner).items():
-        array = tensors[f"learner.{name}"]
-        if array.shape != own.shape:
-            raise ValueError(f"{name} is {array.shape}, not {own.shape}")
-        own[...] = array
-
+    own = ALGORITHMS[algorithm].arrays(learner)
+    sizes = {f"learner.{name}": array.shape for name, array in own.items()}
+    sizes |= {"discounted_returns": (learner.n_envs,), "rng_numpy": (_WORDS,)}
+    sizes["last_obs"] = (learner.n_envs, *(learner.observation_space.shape or ()))
+    for name, size in sizes.items():
+        if tensors[name].shape != size:
+            raise ValueError(f"{name} is {tensors[name].shape}, not {size}")
+    for name, array in own.items():
+        array[...] = tensors[f"learner.{name}"]
     for name, statistics in zip(("obs", "return"), moments(learner), strict=True):
         mean, variance = tensors[f"{name}_mean"], tensors[f"{name}_variance"]
         if mean.shape != np.shape(statistics.mean) or variance.shape != mean.shape:
@@ -183,16 +174,6 @@ def _put_back(
             )
         statistics.mean, statistics.var = mean, variance
         statistics.count = float(state[f"{name}_count"])
-    for name, have, want in (
-        ("discounted_returns", tensors["discounted_returns"].shape, (learner.n_envs,)),
-        (
-            "last_obs",
-            tensors["last_obs"].shape,
-            (learner.n_envs, *learner.observation_space.shape),  # type: ignore[misc]
-        ),
-    ):
-        if have != want:
-            raise ValueError(f"{name} is {have}, not {want}")
     normalise.returns = tensors["discounted_returns"]
     learner._last_obs = tensors["last_obs"]
     learner._last_episode_starts = tensors["last_episode_starts"]
@@ -207,8 +188,6 @@ def _put_back(
 
     # The generators last: nothing above may draw from them afterwards.
     numpy_state = state["rng_numpy"]
-    if tensors["rng_numpy"].shape != (_WORDS,):
-        raise ValueError(f"rng_numpy is {tensors['rng_numpy'].shape}, not {(_WORDS,)}")
     np.random.set_state(
         {
             "bit_generator": "MT19937",

@@ -26,44 +26,32 @@ class Episodes:
     A column holds NaN where the environment does not report the quantity.
     """
 
-    returned: np.ndarray
-    """(E,) sum of rewards."""
-    length: np.ndarray
-    """(E,) policy steps."""
-    seconds: np.ndarray
-    """(E,) the same, s."""
+    returned: np.ndarray  # (E,) sum of rewards
+    length: np.ndarray  # (E,) policy steps
+    seconds: np.ndarray  # (E,) the same, s
+    # (E,) 1.0 if the episode reached its time limit, 0.0 if it ended by itself.
     survived: np.ndarray
-    """(E,) 1.0 if the episode reached its time limit, 0.0 if it ended by itself."""
+    # (E,) mean over time of the horizontal distance from the commanded velocity, m/s.
     velocity_error: np.ndarray
-    """(E,) mean over time of the horizontal distance from the commanded velocity, m/s."""
+    # (E,) mean over time of the distance from the commanded yaw rate, rad/s.
     turning_error: np.ndarray
-    """(E,) mean over time of the distance from the commanded yaw rate, rad/s."""
-    height_error: np.ndarray
-    """(E,) root mean square of the base height minus the commanded one, m."""
-    torque: np.ndarray
-    """(E,) root mean square over joints, control ticks and steps, N m."""
-    power: np.ndarray
-    """(E,) mean over time of sum |torque x joint velocity|, W."""
+    height_error: np.ndarray  # (E,) root mean square of the base height minus the commanded one, m
+    torque: np.ndarray  # (E,) root mean square over joints, control ticks and steps, N m
+    power: np.ndarray  # (E,) mean over time of sum |torque x joint velocity|, W
+    # (E,) the same integrated over the episode, J; a fall ends it, so compare the power.
     energy: np.ndarray
-    """(E,) the same integrated over the episode, J; a fall ends it, so compare the power."""
-    slip: np.ndarray
-    """(E,) mean speed of the contact points that touch the ground, m/s."""
-    distance: np.ndarray
-    """(E,) horizontal way of the base, m."""
+    slip: np.ndarray  # (E,) mean speed of the contact points that touch the ground, m/s
+    distance: np.ndarray  # (E,) horizontal way of the base, m
+    # (E,) energy over weight times distance, 1; bounded for standing robots, as the task says.
     cost_of_transport: np.ndarray
-    """(E,) energy over weight times distance, 1; bounded for standing robots, as the task says."""
+    # (E,) mean distance of the feet that came down from where they were planned to, m.
     foothold_error: np.ndarray
-    """(E,) mean distance of the feet that came down from where they were planned to, m."""
-    pushes: np.ndarray
-    """(E,) pushes that began."""
-    pushes_survived: np.ndarray
-    """(E,) pushes that began, less the last one if the robot then fell."""
-    strongest_push: np.ndarray
-    """(E,) largest horizontal force, N."""
-    environment: np.ndarray
-    """(E,) int: the environment that played it."""
+    pushes: np.ndarray  # (E,) pushes that began
+    pushes_survived: np.ndarray  # (E,) pushes that began, less the last one if the robot then fell
+    strongest_push: np.ndarray  # (E,) largest horizontal force, N
+    environment: np.ndarray  # (E,) int: the environment that played it
+    # E reasons: "" at the time limit, otherwise such as "fall" or "diverged".
     termination: tuple[str, ...]
-    """E reasons: "" at the time limit, otherwise such as "fall" or "diverged"."""
 
     def __len__(self) -> int:
         """Count the episodes."""
@@ -71,23 +59,19 @@ class Episodes:
 
     def rows(self) -> list[dict[str, Any]]:
         """One dict of plain numbers per episode, by column name."""
-        columns = {
-            item.name: np.asarray(getattr(self, item.name)).tolist() for item in fields(self)
-        }
-        return [{name: values[i] for name, values in columns.items()} for i in range(len(self))]
+        names = [item.name for item in fields(self)]
+        columns = (np.asarray(getattr(self, name)).tolist() for name in names)
+        return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 @dataclass(frozen=True)
 class Metric:
     """A number per episode, and how to read it."""
 
-    name: str
-    """Column of `Episodes`."""
-    label: str
-    """As printed."""
+    name: str  # column of `Episodes`
+    label: str  # as printed
     unit: str
-    better: int
-    """1 if more is better, -1 if less is, 0 if neither."""
+    better: int  # 1 if more is better, -1 if less is, 0 if neither
 
 
 METRICS = (
@@ -128,14 +112,12 @@ class _Tally:
     def add(self, reward: np.ndarray, info: dict[str, np.ndarray], playing: np.ndarray) -> None:
         """Add one step of the environments that are `playing`."""
         steps = {"returned": reward, "length": np.ones(len(reward))}
-        for key in _MEAN_KEYS:
-            steps[key] = info.get(key, np.full(len(reward), np.nan))
-        for key in _SQUARE_KEYS:
-            steps[key] = np.square(info.get(key, np.full(len(reward), np.nan)))
+        unknown = np.full(len(reward), np.nan)
+        steps |= {key: info.get(key, unknown) for key in _MEAN_KEYS}
+        steps |= {key: np.square(info.get(key, unknown)) for key in _SQUARE_KEYS}
         for name, value in steps.items():
             self.sums[name][playing] += value[playing]
-        for key in _LAST_KEYS:
-            self.last[key] = info.get(key, np.full(len(reward), np.nan))
+        self.last = {key: info.get(key, unknown) for key in _LAST_KEYS}
         force, jump = (
             np.linalg.norm(info[key], axis=1) if key in info else np.zeros(len(reward))
             for key in ("push", "push_velocity")
@@ -159,13 +141,10 @@ class _Tally:
             "length": steps,
             "seconds": steps * step_seconds,
             "survived": float(survived),
-            "velocity_error": total["velocity_error"] / steps,
-            "turning_error": total["turning_error"] / steps,
             "height_error": np.sqrt(total["height_error"] / steps),
             "torque": np.sqrt(total["torque_rms"] / steps),
-            "power": total["power"] / steps,
             "energy": total["power"] * step_seconds,
-            "slip": total["slip"] / steps,
+            **{name: total[name] / steps for name in _MEAN_KEYS},
             **{name: float(values[i]) for name, values in self.last.items()},
             "pushes": pushes,
             "pushes_survived": pushes if survived else max(pushes - 1.0, 0.0),

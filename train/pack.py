@@ -35,12 +35,9 @@ class PackConfig:
 class Packed(NamedTuple):
     """What `pack` did."""
 
-    archive: Path
-    """The archive."""
-    runs: tuple[Path, ...]
-    """Folders that were packed."""
-    left: tuple[str, ...]
-    """Why others were not, a sentence each."""
+    archive: Path  # the archive
+    runs: tuple[Path, ...]  # folders that were packed
+    left: tuple[str, ...]  # why others were not, a sentence each
 
 
 def pack(folder: Path) -> Packed:

@@ -68,13 +68,7 @@ def forget(folder: Path, files: Sequence[File]) -> None:
 
 
 def restore(folder: Path, buffer: ReplayBuffer, rows: int, files: Sequence[File]) -> None:
-    """Fill an empty buffer of the same size.
-
-    Args:
-        folder: of the files.
-        buffer: to fill.
-        rows: as at the checkpoint.
-        files: as the checkpoint names them.
+    """Fill an empty buffer of the same size; rows and files are those that the checkpoint names.
 
     Raises:
         RunError: a file is missing, damaged or of another buffer, or the files do not hold the

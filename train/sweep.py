@@ -44,12 +44,7 @@ class SweepConfig:
 
 
 def standing(study: Study, failed: frozenset[str] = frozenset()) -> Table:
-    """Return where each cell of a study is.
-
-    Args:
-        study: the trainings.
-        failed: names of cells that have just failed; the last line of their log says why.
-    """
+    """Return where each cell of a study is; of those that have just `failed` with a reason."""
     table = Table("training", "state", "so far", title=study.title)
     for cell in study.cells:
         state, note = state_of(cell.config)

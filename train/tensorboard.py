@@ -10,12 +10,7 @@ class TensorBoardLog:
     """Scalars for TensorBoard."""
 
     def __init__(self, folder: Path, steps: int) -> None:
-        """Open a new event file.
-
-        Args:
-            folder: of the event files.
-            steps: where the run continues; TensorBoard hides earlier events beyond it.
-        """
+        """Open a new event file; TensorBoard hides earlier events beyond the steps it begins at."""
         self._writer = SummaryWriter(str(folder), purge_step=steps + 1 if steps else None)
 
     def append(self, group: str, row: Mapping[str, float]) -> None:

@@ -14,14 +14,10 @@ class TrackedLog:
     """Scalars for Weights & Biases. A training that is continued is another run of its group."""
 
     def __init__(self, name: str, config: Mapping[str, Any]) -> None:
-        """Begin a run there.
+        """Begin a run there, named after the run folder.
 
         Where, as whom and whether over a network at all is for wandb's own variables to say, such
         as WANDB_MODE=offline.
-
-        Args:
-            name: of the run folder.
-            config: of the training.
 
         Raises:
             FbidError: the package wandb is not installed, or refuses.

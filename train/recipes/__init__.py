@@ -39,19 +39,14 @@ SETTINGS = ("total_steps", "num_envs", "stagger", "torch_threads", *ALGORITHMS, 
 
 @dataclass(frozen=True)
 class Recipe:
-    """Other defaults than those of `TrainConfig`.
+    """Other defaults than those of `TrainConfig`."""
 
-    Attributes:
-        name: of its file.
-        envs: environment ids that it is for.
-        settings: by field of `TrainConfig`; "ppo", "sac" and "eval" hold settings in turn.
-        exceptions: further settings, each with one or more of what it is for: "layers", each its
-            "action_layer", and "layer_options" where it takes such; "algorithm"; "envs".
-    """
-
-    name: str
-    envs: tuple[str, ...]
+    name: str  # of its file
+    envs: tuple[str, ...]  # environment ids that it is for
+    # By field of `TrainConfig`; "ppo", "sac" and "eval" hold settings in turn.
     settings: dict[str, Any]
+    # Further settings, each with one or more of what it is for: "layers", each its "action_layer",
+    # and "layer_options" where it takes such; "algorithm"; "envs".
     exceptions: tuple[dict[str, Any], ...]
 
     def settings_for(
@@ -120,13 +115,7 @@ def config_for(
 ) -> TrainConfig:
     """Return the configuration of a training as the recipe has it.
 
-    Args:
-        env_id: the environment.
-        action_layer: the policy acts through.
-        layer_options: of the layer.
-        name: of another recipe, see `recipe_for`.
-        folder: where the recipes are.
-        algorithm: that learns.
+    The name and the folder are those of `recipe_for`.
 
     Raises:
         FbidError: no such recipe or algorithm, or values of it that are not valid.

@@ -29,8 +29,7 @@ _FREE_VERSIONS = ("cpu_count", "uncommitted_changes")
 class Difference(NamedTuple):
     """A value that is another on the other side."""
 
-    name: str
-    """Keys from the outside in, joined by dots."""
+    name: str  # keys from the outside in, joined by dots
     one: Any
     other: Any
 
@@ -81,7 +80,8 @@ def run_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list
         stored: the `config.json` of a run folder.
         asked: the configuration that is asked for, in the same form.
     """
-    return _of_runs(_settings(stored, _FREE_TO_RESUME), _settings(asked, _FREE_TO_RESUME))
+    one, other = (_without(completed(each), _FREE_TO_RESUME) for each in (stored, asked))
+    return _of_runs(one, other)
 
 
 def training_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
@@ -91,7 +91,7 @@ def training_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> li
 
 def training_settings(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings that should be the same in all runs of a comparison, flat."""
-    return _settings(config, _FREE_TO_COMPARE)
+    return _without(completed(config), _FREE_TO_COMPARE)
 
 
 def made_with(versions: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,10 +109,6 @@ def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             joined[prefix + key] = value
     return joined
-
-
-def _settings(config: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any]:
-    return _without(completed(config), free)
 
 
 def _of_runs(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:

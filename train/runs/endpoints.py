@@ -26,12 +26,7 @@ class Endpoint(NamedTuple):
 
 
 def endpoints(path: Path, given: Any, arms: Sequence[tuple[str, str]]) -> tuple[Endpoint, ...]:
-    """Read the `[[endpoints]]` of a study.
-
-    Args:
-        path: of its file.
-        given: what it says.
-        arms: environment and name of its arms.
+    """Read the `[[endpoints]]` of a study, which has these arms: environment and name of each.
 
     Raises:
         RunError: more of them than `MOST`, or one that lacks something.
@@ -69,14 +64,7 @@ def register(name: str, runs: Path, asked: Sequence[Endpoint]) -> None:
 
 
 def check_registered(name: str, runs: Path, asked: Sequence[Endpoint], *, begun: bool) -> None:
-    """Raise RunError for endpoints that are not those with which the runs of a study began.
-
-    Args:
-        name: of the study.
-        runs: folder of the runs.
-        asked: endpoints of its file.
-        begun: whether any of the runs has.
-    """
+    """Raise RunError for endpoints other than those with which a study began, if it has `begun`."""
     file = _file(name, runs)
     if file.exists():
         if read_json(file) != _told(asked):

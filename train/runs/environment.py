@@ -23,12 +23,8 @@ _BEFORE = {"pendulum": False}
 def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, Any] | None:
     """Return today's meaning of the environment's arguments in a `config.json`.
 
-    Args:
-        config: as `TrainConfig.to_json` gives it.
-        robot: instead of the one that they name.
-
-    Returns:
-        As `environment.json` holds it; None where the environment is not one of ours.
+    With a robot, of this one instead of the one that they name; as `environment.json` holds it.
+    None where the environment is not one of ours.
 
     Raises:
         FbidError: they are not valid today.

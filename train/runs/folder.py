@@ -11,32 +11,21 @@ from train.runs.archive import found
 class RunFolder(NamedTuple):
     """The paths of a run; whether anything is there is the reader's to find out."""
 
-    path: Path
-    """The folder itself."""
+    path: Path  # the folder itself
+    # The resolved configuration as JSON; makes a folder a run folder. A resume may change it.
     config: Path
-    """The resolved configuration as JSON; makes a folder a run folder. A resume may change it."""
+    # Of Python, packages, this repository and the platform, when the run began: JSON.
     versions: Path
-    """Of Python, packages, this repository and the platform, when the run began: JSON."""
-    environment: Path
-    """Meaning of the arguments of an environment of ours when the run began: JSON."""
-    robot: Path
-    """The robot, where it is none of the built-in ones: as `Robot.save` writes it."""
-    progress: Path
-    """One row per iteration: CSV."""
-    evaluations: Path
-    """One row per evaluation: CSV."""
-    checkpoint: Path
-    """The latest exact state: a file of `fbid_gym.bundles`."""
-    replay: Path
-    """The replay buffer, of algorithms that have one: files of `train.replay`."""
-    policy: Path
-    """The policy at the latest evaluation or checkpoint, whichever is later."""
-    best_policy: Path
-    """The policy of the evaluation with the highest mean return."""
-    tensorboard: Path
-    """TensorBoard events."""
-    lock: Path
-    """Held by the process that trains."""
+    environment: Path  # meaning of the arguments of an environment of ours when the run began: JSON
+    robot: Path  # the robot, where it is none of the built-in ones: as `Robot.save` writes it
+    progress: Path  # one row per iteration: CSV
+    evaluations: Path  # one row per evaluation: CSV
+    checkpoint: Path  # the latest exact state: a file of `fbid_gym.bundles`
+    replay: Path  # the replay buffer, of algorithms that have one: files of `train.replay`
+    policy: Path  # the policy at the latest evaluation or checkpoint, whichever is later
+    best_policy: Path  # the policy of the evaluation with the highest mean return
+    tensorboard: Path  # TensorBoard events
+    lock: Path  # held by the process that trains
 
     @classmethod
     def of(cls, path: Path) -> "RunFolder":

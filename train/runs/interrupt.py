@@ -26,11 +26,6 @@ def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
     requested = False
     before: dict[signal.Signals, Any] = {}
 
-    def restore() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        before.clear()
-
     def handle(number: int, frame: FrameType | None) -> None:
         nonlocal requested
         requested = True
@@ -46,4 +41,5 @@ def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
     try:
         yield lambda: requested
     finally:
-        restore()
+        for number, handler in before.items():
+            signal.signal(number, handler)

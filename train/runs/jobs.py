@@ -34,24 +34,19 @@ _LOG_LINES = 15
 class Progress(NamedTuple):
     """How far a job is."""
 
-    share: float
-    """From 0 to 1."""
-    note: str = ""
-    """Its state or result, in words."""
+    share: float  # from 0 to 1
+    note: str = ""  # its state or result, in words
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
     """A program to run. On SIGINT it should save what it has and end."""
 
-    name: str
-    """For people."""
-    command: tuple[str, ...]
-    """The command line."""
-    log: Path
-    """Where its output goes."""
+    name: str  # for people
+    command: tuple[str, ...]  # the command line
+    log: Path  # where its output goes
+    # Says how far it is: asked before it starts, while it runs and once it has ended.
     progress: Callable[[], Progress]
-    """Says how far it is: asked before it starts, while it runs and once it has ended."""
 
 
 class Running(Protocol):

@@ -33,19 +33,15 @@ from train.runs.versions import versions
 class OpenRun:
     """A run folder in the hands of this process; nothing of the run is written before `begin`."""
 
-    folder: RunFolder
-    """Where it is."""
-    config: dict[str, Any]
-    """The configuration."""
+    folder: RunFolder  # where it is
+    config: dict[str, Any]  # the configuration
+    # Meaning of its environment's arguments; None where that is not known.
     meaning: dict[str, Any] | None
-    """Meaning of its environment's arguments; None where that is not known."""
-    resumes: bool
-    """There is a checkpoint to continue from."""
-    robot: Robot | None
-    """That it is of, where it is none of the built-in ones."""
+    resumes: bool  # there is a checkpoint to continue from
+    robot: Robot | None  # that it is of, where it is none of the built-in ones
+    # Versions and meanings of the environment's arguments that are not those the run began with, so
+    # that it may round differently or learn something else.
     changes: tuple[str, ...]
-    """Versions and meanings of the environment's arguments that are not those the run began with,
-    so that it may round differently or learn something else."""
 
     def begin(self) -> None:
         """Write the run's configuration. Unless it resumes from a checkpoint, remove the rest."""

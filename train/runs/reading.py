@@ -23,16 +23,11 @@ LAYER_ARGS = ("action_layer", "layer_options")
 class Curve:
     """Periodic evaluations of one run, (K,) each."""
 
-    steps: np.ndarray
-    """Environment steps of all robots together."""
-    wall_seconds: np.ndarray
-    """Time since training began, s."""
-    returns: np.ndarray
-    """Mean return."""
-    spread: np.ndarray
-    """Standard deviation of the return over episodes."""
-    episodes: np.ndarray
-    """Number of episodes it is the mean of."""
+    steps: np.ndarray  # environment steps of all robots together
+    wall_seconds: np.ndarray  # time since training began, s
+    returns: np.ndarray  # mean return
+    spread: np.ndarray  # standard deviation of the return over episodes
+    episodes: np.ndarray  # number of episodes it is the mean of
 
 
 @dataclass(frozen=True)
@@ -40,17 +35,13 @@ class Run:
     """A trained run, or only its exported policy."""
 
     path: Path
-    seed: int | None
-    """None for an exported policy, which does not know it."""
+    seed: int | None  # None for an exported policy, which does not know it
     policy: Policy
-    config: dict[str, Any] | None
-    """As resolved by the training script; None for an exported policy."""
+    config: dict[str, Any] | None  # as resolved by the training script; None for an exported policy
+    # Of Python and packages, the commit and the platform, as far as they are known.
     versions: dict[str, Any]
-    """Of Python and packages, the commit and the platform, as far as they are known."""
-    curve: Curve | None
-    """None for an exported policy."""
-    robot: Robot | None = None
-    """To be played on; None for the one that the policy's arguments name."""
+    curve: Curve | None  # None for an exported policy
+    robot: Robot | None = None  # to be played on; None for the one that the policy's arguments name
 
     @property
     def layer(self) -> str:

@@ -125,15 +125,9 @@ def learnt_with(path: Path) -> tuple[str, ...]:
 
 
 def another(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> str | None:
-    """Say that a policy is played on another robot than it was trained on.
+    """Say in a sentence that a policy is played on another robot than it was trained on, or None.
 
-    Args:
-        path: of the policy.
-        env_args: arguments that it was trained with.
-        robot: as `of_policy` gives it.
-
-    Returns:
-        One sentence; None where it is the same.
+    The arguments are those that it was trained with, the robot as `of_policy` gives it.
     """
     if several := learnt_with(path):
         if robot is not None and robot.name in several:

@@ -69,12 +69,9 @@ _REQUIRED = ("name", "env", "action_layer")
 class Cell(NamedTuple):
     """One training of a study, or a policy that learns nothing."""
 
-    arm: str
-    """Name of the arm."""
-    config: TrainConfig
-    """Of what learns nothing: where it acts, and how it is evaluated."""
-    policy: str = ""
-    """"zero" or `proportional:GAIN` where nothing is learnt."""
+    arm: str  # name of the arm
+    config: TrainConfig  # of what learns nothing: where it acts, and how it is evaluated
+    policy: str = ""  # "zero" or `proportional:GAIN` where nothing is learnt
 
     @property
     def name(self) -> str:
@@ -86,12 +83,10 @@ class Cell(NamedTuple):
 class Transfer(NamedTuple):
     """Robots that no arm learns with, on which all are played."""
 
-    unseen: tuple[str, ...]
-    """As `fbid_gym.robots.several` takes them."""
+    unseen: tuple[str, ...]  # as `fbid_gym.robots.several` takes them
+    # Of the proportional law that plays as well, see `train.runs.proportional`.
     gain: float | None = None
-    """Of the proportional law that plays as well, see `train.runs.proportional`."""
-    episodes: int = 8
-    """On each robot."""
+    episodes: int = 8  # on each robot
 
 
 class Arm(NamedTuple):
@@ -113,27 +108,18 @@ class Arm(NamedTuple):
 
 @dataclass(frozen=True)
 class Study:
-    """The content of a study's file.
+    """The content of a study's file."""
 
-    Attributes:
-        name: of the file.
-        title: for people.
-        reference: name of the arm that the others are compared with.
-        page: of docs/, without its ending, that its tables go to.
-        cells: the trainings, seed by seed: what has been interrupted has some of every arm.
-        endpoints: what it is asked.
-        transfer: on which robots the policies are played besides; None: on none.
-        unlearnt: the cells of arms that learn nothing.
-    """
-
-    name: str
-    title: str
-    reference: str
-    page: str
+    name: str  # of the file
+    title: str  # for people
+    reference: str  # name of the arm that the others are compared with
+    page: str  # of docs/, without its ending, that its tables go to
+    # The trainings, seed by seed: what has been interrupted has some of every arm.
     cells: tuple[Cell, ...]
-    endpoints: tuple[Endpoint, ...] = ()
+    endpoints: tuple[Endpoint, ...] = ()  # what it is asked
+    # On which robots the policies are played besides; None: on none.
     transfer: Transfer | None = None
-    unlearnt: tuple[Cell, ...] = ()
+    unlearnt: tuple[Cell, ...] = ()  # the cells of arms that learn nothing
 
     @property
     def runs(self) -> Path:

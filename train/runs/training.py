@@ -26,10 +26,8 @@ def training_job(name: str, config: TrainConfig) -> Job:
 class Standing(NamedTuple):
     """Where a training is."""
 
-    state: str
-    """"done", "failed", "not begun", or the share of its steps, such as "40%"."""
-    note: str
-    """Its result so far; of a failed one, the last line of its log."""
+    state: str  # "done", "failed", "not begun", or the share of its steps, such as "40%"
+    note: str  # its result so far; of a failed one, the last line of its log
 
 
 _ALMOST = 0.99
