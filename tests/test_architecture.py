@@ -85,7 +85,7 @@ LONGER = {
 }
 LINES = {
     ".": 2373,
-    "actions": 3031,
+    "actions": 3054,
     "control": 4741,
     "dynamics": 1700,
     "envs": 3594,

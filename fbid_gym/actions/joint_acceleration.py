@@ -6,7 +6,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
-from fbid_gym.actions.joint_motion import LegJoints, legs_of, with_joints
+from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency, in_hertz
@@ -31,7 +31,7 @@ class JointAcceleration(LawLayer):
     """
 
     law: Law  # from acceleration to torque
-    legs: LegJoints | None  # whose joints place the feet of a gait; None where it is planned
+    motion: JointMotion  # of the joints that are followed
     stiffness: float  # w^2, 1/s^2, of every joint
     damping: float  # 2 zeta w, 1/s, of every joint
     scale: float  # rad/s^2 (m/s^2 for slides) at action 1
@@ -75,9 +75,9 @@ class JointAcceleration(LawLayer):
         law = Law.of(
             *(robot, control_hz, assumed, firm, 1.0), feet_first=False, base_priority=JOINTS_FIRST
         )
-        legs = legs_of(robot, gains, aware=True) if kind.gait else None
+        motion = JointMotion.of(robot, kind, gains, aware=True)
         damping = 2.0 * damping_ratio * float(omega)
-        return cls(law, legs, float(omega) ** 2, damping, float(scale), assumed)
+        return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)
 
     @property
     def natural_frequency(self) -> float:
@@ -95,7 +95,7 @@ class JointAcceleration(LawLayer):
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        followed = with_joints(self.legs, state, target, known)
+        followed = self.motion.target(state, target, known)
         gains = self.stiffness, self.damping, self.scale
         command = _accelerate(*gains, action, state, followed)
         return self.law.torque(command, state, target, known, memory)

@@ -11,6 +11,7 @@ Joints of no leg stay at home. Where no dynamics model answers errors of the bas
 that stand do: for them the base is off by what it would lag behind if the error went on a while.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.heading import share_within
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import BodyGains, DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy, factor, gram, solve_factored
@@ -41,6 +43,45 @@ _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near 
 _LONGEST = 0.3  # rad, of a step
 _LEAD = 2.0  # pendulum times
 _FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """What the joints of a robot shall do.
+
+    Attributes:
+        legs: which joints move which foot; None where the target says what joints do.
+    """
+
+    legs: "LegJoints | None"
+
+    @classmethod
+    def of(
+        cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool, calm: float = 0.0
+    ) -> "JointMotion":
+        """Return the joint motion of a kind of motion.
+
+        Args:
+            robot: the robot.
+            kind: of motion.
+            gains: with which its body is balanced.
+            aware: whether the feet in the air are led to their targets from the body as it moves,
+                rather than as it shall move. That closes a loop through the base, which moves as
+                the legs do: for layers that know its dynamics. Joint PD alone is less stable so.
+            calm: s, for which errors of the base's velocities, the horizontal ones aside, count as
+                errors of its height and its orientation, for feet that bear all they may: damping
+                where joints can have little of their own.
+
+        Raises:
+            RobotError: on a gait, a foot has no joints of its own to place it.
+        """
+        return cls(legs_of(robot, gains, aware, calm) if kind.gait else None)
+
+    def target(self, state: RobotState, target: Target, terms: DynamicsTerms) -> Target:
+        """Return the target with what base and joints shall do for it."""
+        if self.legs is None:
+            return target
+        return target._replace(**find_joints(self.legs, target, state, terms)._asdict())
 
 
 class LegJoints(NamedTuple):
@@ -53,25 +94,16 @@ class LegJoints(NamedTuple):
     high: np.ndarray  # (n,) rad, where they end
     balance: float  # 1/s^2, of the centre of mass
     balance_damping: float  # 1/s, likewise
-    # Whether the feet in the air are led to their targets from the body as it moves, rather than as
-    # it shall move. That closes a loop through the base, which moves as the legs do: for layers
-    # that know its dynamics. Joint PD alone is less stable with it.
-    aware: bool
+    aware: bool  # see `JointMotion.of`
     # s, for which an error of the base's velocity counts as one of its place, for feet that bear
     # all they may.
     lead: float
     farthest: float  # m, as which it counts at most
-    # s, for which errors of the base's other velocities count as errors of its height and its
-    # orientation, for these feet: damping where joints can have little of their own.
-    calm: float
+    calm: float  # s, see `JointMotion.of`
 
 
-def legs_of(robot: Robot, gains: BodyGains, *, aware: bool, calm: float = 0.0) -> LegJoints:
-    """Return the legs of a robot whose body is balanced with these gains; see `LegJoints`.
-
-    Raises:
-        RobotError: a foot has no joints of its own to place it.
-    """
+def legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoints:
+    """Return the legs of a robot; arguments as of `JointMotion.of`."""
     stance = Stance.of(robot)
     for foot, own in zip(robot.foot_names, stance.legs, strict=True):
         if own.sum() < 3:
@@ -120,15 +152,6 @@ class JointTarget(NamedTuple):
     def of(cls, target: Target) -> "JointTarget":
         """Return it of a target that says so."""
         return cls(target.qpos, target.qvel, target.qacc)
-
-
-def with_joints(
-    legs: LegJoints | None, state: RobotState, target: Target, terms: DynamicsTerms
-) -> Target:
-    """Return a target with what base and joints shall do for it; without legs it says so itself."""
-    if legs is None:
-        return target
-    return target._replace(**find_joints(legs, target, state, terms)._asdict())
 
 
 @kernel

@@ -18,7 +18,7 @@ from fbid_gym.actions.joint_gains import (
     servo_fault,
     servos_carry,
 )
-from fbid_gym.actions.joint_motion import JointTarget, LegJoints, find_joints, legs_of
+from fbid_gym.actions.joint_motion import JointMotion, JointTarget, LegJoints, find_joints
 from fbid_gym.actions.layer import GetTerms, Memoryless
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, LoopDelay, TargetScale
@@ -38,7 +38,7 @@ class JointPosition(Memoryless):
     """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot) + d qdot_t."""
 
     robot: Robot  # whose joints
-    legs: LegJoints | None  # whose joints place the feet of a gait; None where none is followed
+    motion: JointMotion  # of the joints that are followed
     home: Target | None  # the home posture, followed instead; None where it is not
     # (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
     hold: np.ndarray
@@ -87,6 +87,7 @@ class JointPosition(Memoryless):
                 where the home posture is followed.
         """
         at_home = reference == "home"
+        followed = kind._replace(gait=kind.gait and not at_home)
         if pendulum and at_home:
             expected = "False or None where the home posture is followed"
             raise InvalidValueError("pendulum", pendulum, expected)
@@ -97,13 +98,12 @@ class JointPosition(Memoryless):
         if falls and robot.has_soles:
             inertia = Stance.of(robot).standing_inertia
             gains = gains._replace(stiffness=damped_enough(*gains[:2], inertia))
-        legs = None
-        if kind.gait and not at_home:
-            calm = missing_damping(gains)
-            legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=calm)
+        motion = JointMotion.of(
+            robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
+        )
         home, hold = home_target(robot) if at_home else None, holding_torque(robot)
         carries = Pendulum.of(robot, kind, hold, links=False) if falls else None
-        return cls(robot, legs, home, hold, carries, fed_drag(robot, gains), scale)
+        return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -129,8 +129,8 @@ class JointPosition(Memoryless):
         """See `ActionLayer.torque`."""
         held = self.hold[None] if self.carries is None else carry(self.carries, target, terms())
         added = self.scale * action
-        if self.legs is not None:
-            return _place_feet(self.legs, self.gains, added, held, state, target, terms())
+        if self.motion.legs is not None:
+            return _place_feet(self.motion.legs, self.gains, added, held, state, target, terms())
         still, followed = np.zeros((1, len(self.hold))), JointTarget.of(self.home or target)
         return feedback(self.gains, added, still, held, state, followed)
 

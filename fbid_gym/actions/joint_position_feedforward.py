@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
 from fbid_gym.actions.joint_gains import JointGains, feedback
-from fbid_gym.actions.joint_motion import JointTarget, LegJoints, legs_of, with_joints
+from fbid_gym.actions.joint_motion import JointMotion, JointTarget
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import (
@@ -50,7 +50,7 @@ class JointPositionFeedforward(LawLayer):
     """
 
     law: Law  # InvDyn
-    legs: LegJoints | None  # whose joints place the feet of a gait; None where it is planned
+    motion: JointMotion  # of base and joints
     offset: SmoothTarget  # added to the joints' target; its scale in rad (m for slides)
     gains: JointGains  # K_P and K_D
     # w^2 (1/s^2) and 2 w (1/s) of the centre of mass; None for eq. (18) without balance.
@@ -113,7 +113,7 @@ class JointPositionFeedforward(LawLayer):
         )
         return cls(
             law=law,
-            legs=legs_of(robot, own, aware=True) if kind.gait else None,
+            motion=JointMotion.of(robot, kind, own, aware=True),
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),
             balance=None if balance_frequency == 0.0 else (own.balance, own.balance_damping),
@@ -148,7 +148,7 @@ class JointPositionFeedforward(LawLayer):
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known, own = terms(), TargetMemory.of(memory)
-        followed = with_joints(self.legs, state, target, known)
+        followed = self.motion.target(state, target, known)
         offset = offset_of(self.offset, action, own)
         balance = np.array(self.balance or ())
         command = _follow(balance, offset, followed, known)

@@ -114,7 +114,7 @@ class TaskSpacePosition(Memoryless):
         """
         frequency = natural_frequency or default_frequency(kind, robot)
         joints = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
-        legs = legs_of(robot, default_gains(robot, kind), aware=False)
+        legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=0.0)
         height, hold = float(Stance.of(robot).home_com[2]), holding_torque(robot)
         own = Stance.of(robot).legs.any(axis=0)
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))

@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.joint_motion import legs_of, with_joints
+from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import MotionKind, standing_target
@@ -24,11 +24,11 @@ def state_of(robot, qpos, qvel=None):
     return RobotState(qpos, qvel, *rest), MuJoCoDynamics(robot).terms(qpos, qvel)
 
 
-def unbalanced_legs(robot, aware):
-    """Of a body that is not balanced beside its target."""
+def motion_of(robot, aware):
+    """The joint motion, of a body that is not balanced beside its target."""
     kind = MotionKind(True, Stance.of(robot).falling_rate)
     gains = default_gains(robot, kind)._replace(balance=0.0, balance_damping=0.0)
-    return legs_of(robot, gains, aware=aware)
+    return JointMotion.of(robot, kind, gains, aware=aware)
 
 
 def target_of(robot, terms, rng):
@@ -52,7 +52,7 @@ def foot_places(robot, qpos):
 
 
 def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
-    legs = unbalanced_legs(robot, aware=False)
+    motion = motion_of(robot, aware=False)
     qpos = robot.home_qpos[None].copy()
     state, terms = state_of(robot, qpos)
     _, before = foot_places(robot, qpos[0])
@@ -69,7 +69,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
         state, terms = state_of(robot, qpos, qvel)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
         target.com[:] = terms.com
-        found = with_joints(legs, state, target, terms)
+        found = motion.target(state, target, terms)
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
     # Newton's steps converge.
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
@@ -80,7 +80,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     velocity[:2] = target.com_velocity[0, :2]
     velocity[3:6] = terms.world_from_base[0, 2] * target.qvel[0, 5]
     velocity[6:] = found.qvel[0, 6:]
-    rows = legs.rows
+    rows = motion.legs.rows
     np.testing.assert_allclose(
         terms.foot_jacobian[0, :, :rows] @ velocity, target.foot_velocity[0, :, :rows], atol=2e-2
     )
@@ -91,7 +91,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
 @pytest.mark.parametrize("aware", [False, True])
 def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware):
     """Body and feet move as the gait wants them, and the joints with them, for a moment."""
-    legs, tick = unbalanced_legs(robot, aware), 1e-5
+    motion, tick = motion_of(robot, aware), 1e-5
     qpos = robot.home_qpos[None].copy()
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos)
@@ -105,9 +105,9 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
     qvel = np.zeros((1, robot.nv))
     qvel[:, :2] = now.com_velocity[:, :2]
     state, terms = state_of(robot, qpos, qvel)
-    qvel[:, 6:] = with_joints(legs, state, now, terms).qvel[:, 6:]
+    qvel[:, 6:] = motion.target(state, now, terms).qvel[:, 6:]
     state, terms = state_of(robot, qpos, qvel)
-    found = with_joints(legs, state, now, terms)
+    found = motion.target(state, now, terms)
     later = now._replace(
         foot_velocity=now.foot_velocity + tick * now.foot_acceleration,
         com_velocity=now.com_velocity + tick * now.com_acceleration,
@@ -117,7 +117,7 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
     qvel = qvel.copy()
     qvel[:, :2] = later.com_velocity[:, :2]
     state, terms = state_of(robot, qpos, qvel)
-    after = with_joints(legs, state, later, terms)
+    after = motion.target(state, later, terms)
     rate = (after.qvel - found.qvel)[0, 6:] / tick
     # But for what is damped: at home a biped's knees are almost stretched.
     np.testing.assert_allclose(found.qacc[0, 6:], rate, atol=2e-2 * np.abs(rate).max())
@@ -125,23 +125,23 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
 
 def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(robot, rng):
     """Whatever the body does, J v is what the foot shall do; a Newton step closes its gap."""
-    legs = unbalanced_legs(robot, aware=True)
+    motion = motion_of(robot, aware=True)
     qpos, qvel = robot.home_qpos[None].copy(), 0.2 * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos, qvel)
     target = target_of(robot, terms, rng)._replace(planted=np.zeros((1, robot.num_feet), bool))
-    found = with_joints(legs, state, target, terms)
+    found = motion.target(state, target, terms)
     velocity = np.concatenate([qvel[0, :6], found.qvel[0, 6:]])
     np.testing.assert_allclose(
-        terms.foot_jacobian[0, :, : legs.rows] @ velocity,
-        target.foot_velocity[0, :, : legs.rows],
+        terms.foot_jacobian[0, :, : motion.legs.rows] @ velocity,
+        target.foot_velocity[0, :, : motion.legs.rows],
         atol=2e-2,
     )
     gaps = [np.abs(target.foot_position - terms.foot_position).max()]
     for _ in range(8):
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
         state, terms = state_of(robot, qpos, qvel)
-        found = with_joints(legs, state, target, terms)
+        found = motion.target(state, target, terms)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
 
@@ -156,14 +156,15 @@ def lagging(robot, speed):
 
 def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
     robot = robots.load("go1")
-    legs, direction = unbalanced_legs(robot, aware=False), np.array([0.6, -0.8])
+    motion, direction = motion_of(robot, aware=False), np.array([0.6, -0.8])
+    legs = motion.legs
     pendulum_time = 1.0 / Stance.of(robot).falling_rate
     moved = []
     for size, load in ((0.5, 1.0), (1.0, 1.0), (100.0, 1.0), (1.0, 0.25)):
         speed = size * legs.farthest / legs.lead * direction
         target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, 4), load))
-        found = with_joints(legs, state, target, terms)
+        found = motion.target(state, target, terms)
         # The joints move the feet as far back below the body as that shall move ahead.
         joints = (found.qpos - state.qpos)[0, 7:]
         foot = terms.foot_jacobian[0, :, :3, 6:] @ joints
@@ -181,9 +182,9 @@ def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
 def test_nothing_else_is_led(name, aware, load):
     """Neither feet without load, nor for layers that know the dynamics, nor on soles."""
     robot = robots.load(name)
-    legs, found = unbalanced_legs(robot, aware), []
+    motion, found = motion_of(robot, aware), []
     for speed in ((0.0, 0.0), (0.3, -0.2)):
         target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, robot.num_feet), load))
-        found.append(with_joints(legs, state, target, terms).qpos[0, 7:])
+        found.append(motion.target(state, target, terms).qpos[0, 7:])
     np.testing.assert_allclose(found[1], found[0], atol=1e-12)
