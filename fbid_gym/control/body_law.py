@@ -170,9 +170,9 @@ def torque_within_limits(
     command = stabilise(law, command, state, target, terms)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        for k in range(6):
-            asked = memory.priority[i] * math.sqrt(target.moment[i])
-            nearness[k] = law.nearness[k] * (1.0 if k < 3 else asked)
+        copy(law.nearness, nearness)
+        for k in range(3):
+            nearness[3 + k] *= memory.priority[i] * math.sqrt(target.moment[i, k])
         _hold(law, nearness, state, terms, feet, memory, i, start, work, motion, torque)
     give_back(law.passive, torque, state.qpos, state.qvel)
     ask_more(memory.strength, torque)

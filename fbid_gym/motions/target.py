@@ -61,7 +61,7 @@ def planned_target(planted: np.ndarray, *numbers: np.ndarray) -> Target:
         foothold=given["foot_position"],
         clipped=np.zeros(planted.shape, bool),
         cycle=np.arange(len(planted)) / len(planted),
-        moment=np.ones(len(planted)),
+        moment=np.ones((len(planted), 3)),
         **given,
     )
 
@@ -85,7 +85,7 @@ def empty_target(count: int, feet: int, size: int) -> Target:
         qvel=np.zeros((count, size)),
         qacc=np.zeros((count, size)),
         cycle=np.zeros(count),
-        moment=np.ones(count),
+        moment=np.ones((count, 3)),
     )
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.flat_feet import ARRIVED
@@ -15,15 +16,13 @@ from fbid_gym.motions.gait.strength import deepest_bend, swing_time
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
 
-SOLE = 0.8
-"""Share of the sole that the centre of pressure may use."""
+SOLE = 0.8  # share of the sole that the centre of pressure may use
 
 
 class Pattern(NamedTuple):
     """A gait of two flat feet, whatever the robot's size.
 
-    In units of the robot: of its weight, of gravity, of the leg's length l (`Stance.size`) and of
-    its speed sqrt(g l).
+    In units of weight, gravity, the leg's length l (`Stance.size`) and the speed sqrt(g l).
     """
 
     cycle: float | None  # pendulum times a cycle of two steps; None: as quickly as legs swing
@@ -35,14 +34,14 @@ class Pattern(NamedTuple):
     lowered: float  # by which a robot is lower than at home, as far as its knees can carry it
     top: float  # of the speed, greatest ahead
     start: float  # of the speed, greatest ahead that the first step is planned for
-    moment: float  # `Target.moment`
+    moment: tuple[float, float]  # `Target.moment` that tilts the trunk, and that turns it
     width: float  # between the middles of the feet, of that at which soles all but touch
     trail: float  # share of its planned velocity that a foot in the air is damped towards
 
 
 PATTERNS = {
-    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, 1.0, math.inf, 1.0),
-    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, 0.7, 1.5, 0.7),
+    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 1.0),
+    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.7),
 }
 """Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
 body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
@@ -97,6 +96,7 @@ def biped_gait(
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
     lowered, omega, usual, share, haste = _bent(robot, pattern)
     period = 0.5 * (cycle or usual) / omega
+    moment = np.repeat(pattern.moment * np.array([haste, 1.0]), (2, 1))
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
@@ -104,7 +104,7 @@ def biped_gait(
         double=pattern.double * period,
         top=share * pattern.top * speed,
         start=pattern.start * speed,
-        moment=pattern.moment * haste,
+        moment=np.square(base_from_trunk(robot)) @ moment,
         settle=_SETTLE / omega,
         agility=gravity * np.array([pattern.forward * haste, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),

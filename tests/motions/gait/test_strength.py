@@ -26,7 +26,7 @@ def test_weak_hips_swing_slowly_and_weak_knees_bend_less(robot):
     slow = biped_gait(weaker(robot, "hip_pitch", 0.3), "brisk_walk")
     assert slow.single > strong.single and slow.height == strong.height
     # In slow steps errors grow: the robot gathers speed more slowly, and pitches less.
-    assert slow.agility[0] < strong.agility[0] and slow.moment < strong.moment
+    assert slow.agility[0] < strong.agility[0] and slow.moment[0] < strong.moment[0]
     slower = biped_gait(weaker(robot, "hip_pitch", 0.2), "brisk_walk")
     assert slower.top < strong.top and slower.single >= slow.single
     stiff = biped_gait(weaker(robot, "knee", 0.3), "brisk_walk")
