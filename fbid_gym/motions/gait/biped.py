@@ -96,7 +96,6 @@ def biped_gait(
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
     lowered, omega, usual, share, haste = _bent(robot, pattern)
     period = 0.5 * (cycle or usual) / omega
-    moment = np.repeat(pattern.moment * np.array([haste, 1.0]), (2, 1))
     return FlatFootGait(
         sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
@@ -104,7 +103,7 @@ def biped_gait(
         double=pattern.double * period,
         top=share * pattern.top * speed,
         start=pattern.start * speed,
-        moment=np.square(base_from_trunk(robot)) @ moment,
+        moment=haste**2 * np.square(base_from_trunk(robot)) @ np.repeat(pattern.moment, (2, 1)),
         settle=_SETTLE / omega,
         agility=gravity * np.array([pattern.forward * haste, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),
