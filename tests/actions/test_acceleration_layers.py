@@ -4,7 +4,6 @@ import copy
 from dataclasses import replace
 from typing import Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of, moving, torque_of
+from tests.batches import begun
 from tests.pairs import pairs
 
 ENV = "fbid_gym/BipedBalance-v0"
@@ -30,16 +30,15 @@ either_limits = pytest.mark.parametrize(
 
 def settled(robot, count, seconds=4.0, **options):
     """Environments that have come to rest under the zero action."""
-    env = gym.make_vec(
+    env = begun(
         ENV,
+        count,
         robot=robot.name,
-        num_envs=count,
         action_layer="base_acceleration",
         layer_options=options,
         push_force=(0, 0),
         episode_seconds=100.0,
     )
-    env.reset(seed=0)
     for _ in range(round(50 * seconds)):
         env.step(np.zeros(env.action_space.shape))
     return env.chunks.batches[0]

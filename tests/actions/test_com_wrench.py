@@ -1,6 +1,5 @@
 """Layer com_wrench by the papers' balancers: the wrench, what becomes of it, feet that swing."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -26,6 +25,7 @@ from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.robots import ROBOTS, load
 from tests.actions.cases import at_rest, home_of, layer_of, moving, torque_of
+from tests.batches import begun
 from tests.pairs import pairs
 
 TORQUE_MAPS = {"garofalo2015": torque_map_garofalo2015, "ott2011": torque_map_ott2011}
@@ -183,8 +183,7 @@ def test_feet_in_the_air_get_no_force(robot, states, balancer):
 def test_zero_action_walks(env, layer_options):
     """Through a few swings of every foot, at the control rate of the task."""
     options = {"action_layer": "com_wrench", "layer_options": layer_options}
-    env = gym.make_vec(env, num_envs=1, episode_seconds=3.2, push_force=(0, 0), **options)
-    env.reset(seed=0)
+    env = begun(env, 1, episode_seconds=3.2, push_force=(0, 0), **options)
     swung = np.zeros(env.unwrapped.chunks.batches[0].simulation.robot.num_feet, bool)
     foot = contact_geometry(env.unwrapped.chunks.batches[0].simulation.robot).foot_of_point
     for _ in range(155):
@@ -208,17 +207,16 @@ def test_zero_action_walks(env, layer_options):
 )
 def test_pushed_robots_stay_up(robot, balancer):
     """Six robots pushed from random sides with 0.15 of their weight."""
-    env = gym.make_vec(
+    env = begun(
         "fbid_gym/BipedBalance-v0",
+        6,
         robot=robot.name,
-        num_envs=6,
         action_layer="com_wrench",
         layer_options={"balancer": balancer},
         push_force=(0.15 * robot.weight, 0.15 * robot.weight),
         push_interval=(0.5, 0.8),
         episode_seconds=2.1,
     )
-    env.reset(seed=0)
     for _ in range(100):
         *_, terminated, _, _ = env.step(np.zeros(env.action_space.shape, np.float32))
         assert not terminated.any()

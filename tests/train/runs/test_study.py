@@ -5,14 +5,13 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
-import fbid_gym  # noqa: F401
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, RunError
+from tests.batches import begun
 from train import sweep
 from train.recipes import config_for
 from train.runs.command_line import command, parse
@@ -59,8 +58,7 @@ def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_every_arm_can_take_a_step(path, tmp_path):
     for config in {cell.arm: cell.config for cell in read_study(path, tmp_path).cells}.values():
-        envs = gym.make_vec(config.env, num_envs=1, num_threads=1, **config.make_args())
-        envs.reset(seed=0)
+        envs = begun(config.env, 1, num_threads=1, **config.make_args())
         reward = envs.step(np.zeros(envs.action_space.shape))[1]
         envs.close()
         assert np.isfinite(reward).all()
