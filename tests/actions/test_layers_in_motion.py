@@ -21,15 +21,8 @@ CASES = [
 @pytest.mark.parametrize(("layer", "options", "robot"), pairs(CASES, ROBOTS), indirect=["robot"])
 def test_thrown_half_a_metre_up(robot, layer, options):
     """Everything stays finite, in the air, at touchdown, and lying about."""
-    env = begun(
-        ENV,
-        4,
-        robot=robot.name,
-        action_layer=layer,
-        layer_options=options,
-        autoreset_mode="DISABLED",
-        velocity_noise=0.5,
-    )
+    own = {"robot": robot.name, "action_layer": layer, "layer_options": options}
+    env = begun(ENV, 4, **own, autoreset_mode="DISABLED", velocity_noise=0.5)
     batch = env.chunks.batches[0]
     batch.simulation.qpos[:, 2] += 0.5
     batch.simulation.batch.forward()

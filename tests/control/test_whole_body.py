@@ -49,10 +49,14 @@ class Scene(NamedTuple):
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))
-    law = Law.of(robot, HZ, contact, gains, moment_priority)
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
-    line = law.constants.motors.line._replace(torque=np.full(robot.num_joints, 1e9))
-    return with_line(law, line)
+    return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
+
+
+def boundless(law: Law) -> Law:
+    """The law with motors that give every torque."""
+    line = law.constants.motors.line
+    return with_line(law, line._replace(torque=np.full(law.robot.num_joints, 1e9)))
 
 
 def with_line(law: Law, line: TorqueLine) -> Law:
