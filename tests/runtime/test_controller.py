@@ -23,33 +23,13 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.runtime import SENSORS, Controller
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
+from tests.postures import sensed
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (0.4, 0.1, 0.3)
-SHIPPED = (
-    "QuadrupedWalk-v0/base_acceleration",
-    "QuadrupedWalk-v0/com_wrench",
-    "QuadrupedWalk-v0/joint_position_gait",
-    "BipedWalk-v0/base_acceleration",
-    "BipedWalk-v0/com_wrench",
-    "BipedWalk-v0/joint_position_gait",
-    "BipedBalance-v0/base_acceleration",
-    "BipedSquat-v0/joint_position",
-)
-
-
-def sensed(state: RobotState) -> dict[str, np.ndarray]:
-    """What the sensors of the only robot of a simulation read."""
-    qpos, qvel = state.qpos[0], state.qvel[0]
-    return {
-        "position": qpos[:3],
-        "orientation": qpos[3:7],
-        "velocity": qvel[:3],
-        "angular_velocity": qvel[3:6],
-        "joint_position": qpos[7:],
-        "joint_velocity": qvel[6:],
-        "contact_force": state.contact_force[0],
-    }
+LAYERS = "base_acceleration", "com_wrench", "joint_position_gait"
+SHIPPED = [f"{robot}Walk-v0/{layer}" for robot in ("Quadruped", "Biped") for layer in LAYERS]
+SHIPPED += ["BipedBalance-v0/base_acceleration", "BipedSquat-v0/joint_position"]
 
 
 def apart(monkeypatch, batch, controller, policy, command=None, heights=None) -> list[float]:
@@ -58,8 +38,8 @@ def apart(monkeypatch, batch, controller, policy, command=None, heights=None) ->
     taken, advance = [], batch.simulation.tick
 
     def tick(torque, push, effort, state):
-        given = state if len(taken) % 2 else sensed(state)
-        torques = controller.tick(given, heights)
+        single = sensed(state.qpos[0], state.qvel[0], state.contact_force[0])
+        torques = controller.tick(state if len(taken) % 2 else single, heights)
         advance(torque, push, effort, state)
         taken.append(np.abs(torques - effort.torque[0]).max())
 
@@ -130,9 +110,8 @@ def test_a_policy_that_sees_the_ground_is_told_its_heights(monkeypatch):
 def at_home(controller: Controller) -> dict[str, np.ndarray]:
     """What the sensors of a robot read that stands at home."""
     robot = controller.robot
-    force = np.tile([0.0, 0.0, robot.weight / robot.num_points], (1, robot.num_points, 1))
-    state = RobotState(robot.home_qpos[None], np.zeros((1, robot.nv)), force, np.zeros(1, np.int64))
-    return sensed(state)
+    force = np.tile([0.0, 0.0, robot.weight / robot.num_points], (robot.num_points, 1))
+    return sensed(robot.home_qpos, np.zeros(robot.nv), force)
 
 
 @pytest.fixture(scope="module")
