@@ -37,11 +37,8 @@ def test_legs_are_found(name):
     robot = load(name)
     legs = legs_of(robot)
     named = np.array(robot.joint_names)[legs.pitch]
-    expected = [
-        [f"{side}_{joint}" for joint in ("hip_pitch", "knee", "ankle_pitch")]
-        for side in ("left", "right")
-    ]
-    assert named.tolist() == expected
+    pitch = "hip_pitch", "knee", "ankle_pitch"
+    assert named.tolist() == [[f"{side}_{joint}" for joint in pitch] for side in ("left", "right")]
     for side, joints in zip(("left", "right"), legs.joints, strict=True):
         assert all(robot.joint_names[joint].startswith(side) for joint in joints)
     assert legs.bend == pytest.approx(robot.home_qpos[7 + legs.pitch[0, 1]], abs=1e-3)
