@@ -30,14 +30,9 @@ def sensed(qpos: np.ndarray, qvel: np.ndarray, force: np.ndarray) -> dict[str, n
 
 def points(robot: Robot, data: mujoco.MjData) -> np.ndarray:
     """Where the contact points of all feet are (P, 3), the lowest points of their spheres."""
-    return np.concatenate(
-        [
-            data.xpos[foot.body]
-            + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            - [0.0, 0.0, foot.radius]
-            for foot in robot.feet
-        ]
-    )
+    turned = [foot.points @ data.xmat[foot.body].reshape(3, 3).T for foot in robot.feet]
+    centres = [data.xpos[foot.body] - [0.0, 0.0, foot.radius] for foot in robot.feet]
+    return np.concatenate([each + at for each, at in zip(turned, centres, strict=True)])
 
 
 def point_jacobians(robot: Robot, data: mujoco.MjData) -> np.ndarray:

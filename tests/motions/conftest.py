@@ -1,7 +1,6 @@
 """Laws that hold for every motion, whatever made it."""
 
 import numpy as np
-import pytest
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_velocities
 from fbid_gym.dynamics.frames import skew
@@ -49,13 +48,3 @@ def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarra
     moment = np.matvec(terms.world_from_base, wrench[:, 3:])
     moment = moment + np.matvec(skew(terms.base_position), force)
     return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:], force
-
-
-@pytest.fixture(scope="session")
-def laws():
-    return hold_laws
-
-
-@pytest.fixture(scope="session")
-def pressure():
-    return centre_of_pressure

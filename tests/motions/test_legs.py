@@ -12,6 +12,7 @@ from fbid_gym.motions.legs import least_bend, legs_of
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.built_in import BIPED, asset_path
 from fbid_gym.robots.polygon import margin_within
+from tests.motions.conftest import centre_of_pressure, hold_laws
 from tests.robots.similar import similar
 
 
@@ -74,7 +75,7 @@ def test_similar_robots_move_alike_each_in_its_own_time():
 
 
 @pytest.mark.parametrize("name", ["humanoid", "g1"])
-def test_other_robots_squat_and_step_over_their_feet(name, laws, pressure):
+def test_other_robots_squat_and_step_over_their_feet(name):
     robot = load(name)
     legs = legs_of(robot)
     # At speed 5 the humanoid's centre of pressure would leave its soles.
@@ -84,8 +85,8 @@ def test_other_robots_squat_and_step_over_their_feet(name, laws, pressure):
     assert knee.min() - robot.home_qpos[7 + legs.pitch[0, 1]] == pytest.approx(-legs.bend, abs=1e-5)
     for motion in (squat, step):
         rows = np.linspace(0, motion.period - 1, 83).astype(int)
-        laws(motion, rows)
-        point, force = pressure(motion, rows)
+        hold_laws(motion, rows)
+        point, force = centre_of_pressure(motion, rows)
         assert force[:, 2].min() > 0.7 * robot.weight
         planted = motion.rows.planted[rows].repeat([foot.num_points for foot in robot.feet], axis=1)
         points = _points(robot, motion.rows.qpos[rows])

@@ -7,6 +7,7 @@ from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.robots import load
+from tests.motions.conftest import centre_of_pressure, hold_laws
 
 SOLE = np.array([0.112, 0.042])  # m, half its length and width
 
@@ -16,8 +17,8 @@ def motion(request):
     return stepping(load("biped"), Steps(ramp=request.param))
 
 
-def test_planted_feet_stay_in_place(motion, laws):
-    laws(motion, np.arange(0, motion.period, 11))
+def test_planted_feet_stay_in_place(motion):
+    hold_laws(motion, np.arange(0, motion.period, 11))
 
 
 def test_feet_take_turns_with_both_down_between(motion):
@@ -52,9 +53,9 @@ def test_the_foot_in_the_air_clears_the_ground(motion):
     assert np.abs(gap[:, :2] - [0.0, 0.18]).max() < 0.02
 
 
-def test_the_pressure_stays_under_the_planted_soles(motion, pressure):
+def test_the_pressure_stays_under_the_planted_soles(motion):
     rows = np.arange(0, motion.period, 3)
-    point, force = pressure(motion, rows)
+    point, force = centre_of_pressure(motion, rows)
     terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
     ramped = motion.jumps is not None and not motion.jumps.any()
     for foot in (0, 1):

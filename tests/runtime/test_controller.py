@@ -130,22 +130,31 @@ def test_whether_feet_touch_is_enough(walker):
     np.testing.assert_allclose([walker.tick(touching) for _ in ticks], forces, rtol=0, atol=1e-12)
 
 
+def without(name: str, sensors: dict) -> dict:
+    return {other: value for other, value in sensors.items() if other != name}
+
+
+def refuse_failures_of(name, controller, sensors, needed=True):
+    """Each wrong reading of a sensor is named, at every tick, and leaves the controller alone."""
+    ticks, whole = range(controller.rates.ticks), np.array(sensors[name])
+    rest = whole.ravel()[:-1]
+    controller.reset()
+    expected = [controller.tick(sensors) for _ in ticks]
+    bad = [np.append(rest, end).reshape(whole.shape) for end in (np.nan, np.inf)]
+    cases = [({**sensors, name: value}, NonFiniteError) for value in bad]
+    cases += [({**sensors, name: rest}, ShapeError), ({**sensors, name: "x"}, InvalidValueError)]
+    cases += [(without(name, sensors), InvalidValueError)] if needed else []
+    controller.reset()
+    for tick in ticks:
+        for given, error in cases:
+            with pytest.raises(error, match=name):
+                controller.tick(given)
+        np.testing.assert_array_equal(controller.tick(sensors), expected[tick])
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_that_fails_is_named_and_nothing_goes_on(walker, name):
-    sensors, ticks = at_home(walker), range(walker.rates.ticks)
-    walker.reset()
-    expected = [walker.tick(sensors) for _ in ticks]
-    walker.reset()
-    for tick in ticks:
-        bad = np.array(sensors[name])
-        bad.flat[-1] = np.nan
-        wrong = {**sensors, name: bad}, {**sensors, name: bad.ravel()[:-1]}, {**sensors, name: "x"}
-        lacking = {other: value for other, value in sensors.items() if other != name}
-        errors = (NonFiniteError, ShapeError, InvalidValueError, InvalidValueError)
-        for given, error in zip((*wrong, lacking), errors, strict=True):
-            with pytest.raises(error, match=name):
-                walker.tick(given)
-        np.testing.assert_array_equal(walker.tick(sensors), expected[tick])
+    refuse_failures_of(name, walker, at_home(walker))
 
 
 def test_what_else_is_no_state(walker):

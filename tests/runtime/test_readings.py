@@ -13,6 +13,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.runtime import READINGS, Controller
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
+from tests.runtime.test_controller import refuse_failures_of, without
 
 WALK, COMMAND = "fbid_gym/QuadrupedWalk-v0", (0.4, 0.1, 0.3)
 SHIPPED = Policy.load("shipped:QuadrupedWalk-v0/base_acceleration")
@@ -25,10 +26,6 @@ def read(estimator) -> dict[str, np.ndarray]:
     parts = own.gyroscope, own.accelerometer, own.angle, own.rate, own.load
     found = {name: part[0].copy() for name, part in zip(READINGS, parts, strict=True)}
     return found | {"fresh": own.fresh[0]}
-
-
-def without(name, sensors):
-    return {other: value for other, value in sensors.items() if other != name}
 
 
 def side_by_side(monkeypatch, policy, given=dict, steps=100, there=False, **more):
@@ -121,19 +118,7 @@ def at_rest(controller: Controller) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("name", READINGS)
 def test_a_reading_that_fails_is_named_and_nothing_goes_on(walker, name):
-    sensors, ticks = at_rest(walker), range(walker.rates.ticks)
-    walker.reset()
-    expected = [walker.tick(sensors) for _ in ticks]
-    walker.reset()
-    lacking = without(name, sensors)
-    bad = np.array(sensors[name])
-    bad[-1] = np.inf
-    wrong = [{**sensors, name: value} for value in (bad, bad[:-1], "x")]
-    for tick in ticks:
-        for given in wrong if name == "joint_velocity" else (*wrong, lacking):
-            with pytest.raises(FbidError, match=name):
-                walker.tick(given)
-        np.testing.assert_array_equal(walker.tick(sensors), expected[tick])
+    refuse_failures_of(name, walker, at_rest(walker), needed=name != "joint_velocity")
 
 
 def test_a_state_will_do_and_an_estimate_goes_on_where_it_was(walker):
