@@ -37,6 +37,23 @@ def upright(batch: EnvBatch, seconds: float) -> list[Step]:
     return steps
 
 
+class Watched:
+    """A layer, and what it was told, said and kept from tick to tick."""
+
+    def __init__(self, layer: Any) -> None:
+        self._layer, self.planted, self.torques, self.memories = layer, [], [], []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._layer, name)
+
+    def torque(self, action: Any, state: Any, target: Any, terms: Any, memory: Any) -> np.ndarray:
+        said = self._layer.torque(action, state, target, terms, memory)
+        self.planted.append(target.planted.copy())
+        self.torques.append(said.copy())
+        self.memories.append({name: value.copy() for name, value in memory.items()})
+        return said
+
+
 def outcome_of(batch: EnvBatch) -> Outcome:
     """What a task would measure now, of robots that have not moved since the last step."""
     return batch._outcome(Effort.none(batch.num_envs, batch.robot.num_joints))

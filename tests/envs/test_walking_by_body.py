@@ -9,7 +9,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import zoo
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
-from tests.batches import outcome_of, started, upright
+from tests.batches import Watched, outcome_of, started, upright
 
 LAYERS = ("base_acceleration", "com_wrench")
 WALKS = {"go1": "Quadruped", "biped": "Biped", "humanoid": "Humanoid"}
@@ -101,23 +101,6 @@ def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
     assert np.abs(batch.simulation.qpos[:, 7:] - home).max() < 1.2
 
 
-class _Watched:
-    """A layer, and what it says from tick to tick."""
-
-    def __init__(self, layer):
-        self._layer, self.planted, self.torque_said, self.law_said = layer, [], [], []
-
-    def __getattr__(self, name):
-        return getattr(self._layer, name)
-
-    def torque(self, action, state, target, terms, memory):
-        said = self._layer.torque(action, state, target, terms, memory)
-        self.planted.append(target.planted.copy())
-        self.torque_said.append(said.copy())
-        self.law_said.append(memory["ramp_law"].copy())
-        return said
-
-
 @pytest.mark.parametrize(
     ("robot", "options", "share"),
     # In a trot two feet lift as two others land, and their ramps run at the same time.
@@ -126,10 +109,10 @@ class _Watched:
 @pytest.mark.parametrize("layer", LAYERS)
 def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, share, layer):
     batch = walking(robot, layer, 4, layer_options=options)
-    batch.loop.layer = seen = _Watched(batch.layer)
+    batch.loop.layer = seen = Watched(batch.layer)
     upright(batch, 3)
-    planted, torque = np.array(seen.planted), np.array(seen.torque_said)
-    sudden, ticks = np.array(seen.law_said), batch.layer.law.ramp.ticks
+    planted, torque, ticks = np.array(seen.planted), np.array(seen.torques), seen.law.ramp.ticks
+    sudden = np.array([memory["ramp_law"] for memory in seen.memories])
     switched = (planted[1:] != planted[:-1]).any(axis=2)
     down = (planted[1:] & ~planted[:-1]).any(axis=2)
     assert down.sum() > 10
