@@ -4,12 +4,8 @@ from collections.abc import Sequence
 
 from fbid_gym.robots import Robot
 
-CORNERS = {
-    "front_left": (1, 1),
-    "front_right": (1, -1),
-    "hind_left": (-1, 1),
-    "hind_right": (-1, -1),
-}
+CORNERS = {"front_left": (1, 1), "front_right": (1, -1)}
+CORNERS |= {"hind_left": (-1, 1), "hind_right": (-1, -1)}
 LEG = """
 <body name="{name}_hip" pos="{x} {y} 0">
   <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
@@ -32,13 +28,8 @@ def dog(
     scale: float = 1.0, feet: Sequence[str] = tuple(CORNERS), *, rolls: bool = True, neck: int = 0
 ) -> Robot:
     """Legs of 2 × 0.2 m times a scale, with whose cube masses grow; so many joints carry a head."""
-    numbers = {
-        "mass": 0.5 * scale**3,
-        "inertia": 0.002 * scale**5,
-        "half": 0.1 * scale,
-        "link": 0.2 * scale,
-        "radius": 0.02 * scale,
-    }
+    numbers = {"half": 0.1 * scale, "link": 0.2 * scale, "radius": 0.02 * scale}
+    numbers |= {"mass": 0.5 * scale**3, "inertia": 0.002 * scale**5}
     legs, motors = "", ""
     for name, (x, y) in CORNERS.items():
         roll = ROLL.format(name=name) if rolls else ""
@@ -57,7 +48,6 @@ def dog(
         f'<freejoint/><inertial pos="0 0 0" mass="{6.0 * scale**3}" diaginertia="{inertia}"/>'
         f"{legs}</body></worldbody><actuator>{motors}</actuator></mujoco>"
     )
-    home = {
-        f"{name}_{joint}": a for name in CORNERS for joint, a in (("pitch", 0.8), ("knee", -1.6))
-    }
+    bent = ("pitch", 0.8), ("knee", -1.6)
+    home = {f"{name}_{joint}": angle for name in CORNERS for joint, angle in bent}
     return Robot.from_mjcf(text, list(feet), home=home)

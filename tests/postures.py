@@ -21,16 +21,18 @@ def posed(
     return data
 
 
+def sensed(qpos: np.ndarray, qvel: np.ndarray, force: np.ndarray) -> dict[str, np.ndarray]:
+    """What perfect sensors read of one robot; `force` is that of its contact points (P, 3)."""
+    place = {"position": qpos[:3], "orientation": qpos[3:7], "joint_position": qpos[7:]}
+    rates = {"velocity": qvel[:3], "angular_velocity": qvel[3:6], "joint_velocity": qvel[6:]}
+    return place | rates | {"contact_force": force}
+
+
 def points(robot: Robot, data: mujoco.MjData) -> np.ndarray:
     """Where the contact points of all feet are (P, 3), the lowest points of their spheres."""
-    return np.concatenate(
-        [
-            data.xpos[foot.body]
-            + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            - [0.0, 0.0, foot.radius]
-            for foot in robot.feet
-        ]
-    )
+    turned = [foot.points @ data.xmat[foot.body].reshape(3, 3).T for foot in robot.feet]
+    centres = [data.xpos[foot.body] - [0.0, 0.0, foot.radius] for foot in robot.feet]
+    return np.concatenate([each + at for each, at in zip(turned, centres, strict=True)])
 
 
 def point_jacobians(robot: Robot, data: mujoco.MjData) -> np.ndarray:

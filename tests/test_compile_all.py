@@ -61,13 +61,9 @@ def test_other_numbers_of_robots_threads_and_steps_compile_nothing_new(layer):
 
 @pytest.mark.slow
 def test_a_first_use_compiles_little(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", FIRST_USE],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"},  # as many, sooner
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    own = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"}  # as many, sooner
+    command = [sys.executable, "-c", FIRST_USE]
+    done = subprocess.run(command, env=os.environ | own, capture_output=True, text=True, check=True)
     kernels, forms, forms_of_numba = map(int, done.stdout.split())
     assert 0 < kernels <= KERNELS
     assert forms <= FORMS

@@ -43,13 +43,8 @@ def combine(outer: Outer, shift: float, x: np.ndarray, other: Inner) -> Inner:
 
 @pytest.fixture
 def arguments(rng):
-    outer = Outer(
-        count=2,
-        inner=Inner(rng.normal(size=5), rng.normal()),
-        chosen=rng.random(5) < 0.5,
-        doubled=True,
-        table=rng.normal(size=(5, 3)),
-    )
+    inner, table = Inner(rng.normal(size=5), rng.normal()), rng.normal(size=(5, 3))
+    outer = Outer(2, inner, chosen=rng.random(5) < 0.5, doubled=True, table=table)
     return outer, rng.normal(), rng.normal(size=5), Inner(rng.normal(size=5), rng.normal())
 
 
@@ -89,12 +84,8 @@ print("done")
 
 def test_without_compilation_everything_runs_in_python():
     """Compiled code reads and writes beyond the end of an array without a word; Python refuses."""
-    done = subprocess.run(
-        [sys.executable, "-c", IN_PYTHON],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-    )
+    command, python = [sys.executable, "-c", IN_PYTHON], os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(command, env=python, capture_output=True, text=True)
     assert done.stdout.split() == ["done"], done.stderr
 
 

@@ -24,20 +24,9 @@ NEEDS = {
     "other_engine": ("pybullet", "pip install -c constraints.txt 'fbid_gym[bullet]'"),
     "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
 }
-PAGES = (
-    "README.md",
-    "docs/any_robot.md",
-    "docs/arguments.md",
-    "docs/deploy.md",
-    "docs/index.md",
-    "docs/layers/index.md",
-    "docs/measured.md",
-    "docs/motors.md",
-    "docs/own_task_and_layer.md",
-    "docs/pictures.md",
-    "docs/policies.md",
-)
-
+DOCS = "any_robot", "arguments", "deploy", "index", "layers/index", "measured", "motors"
+DOCS = *DOCS, "own_task_and_layer", "pictures", "policies"
+PAGES = ("README.md", *(f"docs/{name}.md" for name in DOCS))
 
 pytestmark = pytest.mark.usefixtures("registries")
 

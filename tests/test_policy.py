@@ -57,10 +57,8 @@ def test_save_and_load_keep_every_bit(tmp_path, activation, widths):
 
 def save_older(policy, folder, form=2, **changes):
     """As policies were written before: JSON and arrays in two files, with a digest of both."""
-    network = {
-        "activation": policy.activation,
-        "hidden": [len(bias) for bias in policy.biases[:-1]],
-    }
+    hidden = [len(bias) for bias in policy.biases[:-1]]
+    network = {"activation": policy.activation, "hidden": hidden}
     data = {
         "format": form, "env_id": policy.env_id, "env_args": policy.env_args,
         "observation_size": policy.observation_size, "action_size": policy.action_size,
@@ -151,11 +149,8 @@ def test_inconsistent_fields(changes, error, message):
 def test_check_names_both_values():
     policy = make_policy()
     policy.check(env_id="fbid_gym/BipedBalance-v0", observation_size=5, action_size=3)
-    for name, value in (
-        ("env_id", "fbid_gym/QuadrupedBalance-v0"),
-        ("observation_size", 6),
-        ("action_size", 2),
-    ):
+    others = {"env_id": "fbid_gym/QuadrupedBalance-v0", "observation_size": 6, "action_size": 2}
+    for name, value in others.items():
         with pytest.raises(PolicyFileError, match=f"{name} .* Expected {value!r}"):
             policy.check(**{name: value})
 

@@ -31,14 +31,9 @@ def planned(robot: Robot, count: int, rng: np.random.Generator) -> Target:
     qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
     qvel, qacc = rng.normal(size=(2, count, robot.nv))
     velocity, acceleration = rng.normal(size=(2, count, 3))
-    return home._replace(
-        qpos=qpos,
-        qvel=qvel,
-        qacc=qacc,
-        com=home.com + 0.05 * rng.normal(size=(count, 3)),
-        com_velocity=velocity,
-        com_acceleration=acceleration,
-    )
+    moved = {"com_velocity": velocity, "com_acceleration": acceleration}
+    moved |= {"com": home.com + 0.05 * rng.normal(size=(count, 3))}
+    return home._replace(qpos=qpos, qvel=qvel, qacc=qacc, **moved)
 
 
 def moving(robot: Robot, terms: DynamicsTerms, rng: np.random.Generator) -> Target:
@@ -46,13 +41,20 @@ def moving(robot: Robot, terms: DynamicsTerms, rng: np.random.Generator) -> Targ
     return in_world(Stance.of(robot).heading, planned(robot, len(terms.com), rng), terms)
 
 
-def at_rest(robot: Robot, count: int = 1) -> tuple[RobotState, DynamicsTerms]:
-    """Robots that stand at home, all points loaded alike."""
-    qpos, qvel = np.tile(robot.home_qpos, (count, 1)), np.zeros((count, robot.nv))
-    contact = np.zeros((count, robot.num_points, 3))
-    contact[:, :, 2] = robot.weight / robot.num_points
-    state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
+def state_at(
+    robot: Robot, qpos: np.ndarray, qvel: np.ndarray | None = None, carried: float = 1.0
+) -> tuple[RobotState, DynamicsTerms]:
+    """Robots at rest if not told otherwise, their points loaded alike by a share of the weight."""
+    qvel = np.zeros((len(qpos), robot.nv)) if qvel is None else qvel
+    contact = np.zeros((len(qpos), robot.num_points, 3))
+    contact[:, :, 2] = carried * robot.weight / robot.num_points
+    state = RobotState(qpos, qvel, contact, np.zeros(len(qpos), np.int64))
     return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+
+
+def at_rest(robot: Robot, count: int = 1) -> tuple[RobotState, DynamicsTerms]:
+    """Robots that stand at home."""
+    return state_at(robot, np.tile(robot.home_qpos, (count, 1)))
 
 
 def torque_of(

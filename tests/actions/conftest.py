@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.quantities import RobotState
+from tests.actions.cases import state_at
 
 
 @pytest.fixture
@@ -18,9 +17,6 @@ def states(robot, rng):
         qpos[:, 3:7] += noise * rng.normal(size=(count, 4))
         qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
         qpos[:, :3] += rng.normal(size=(count, 3))
-        contact = np.zeros((count, robot.num_points, 3))
-        contact[:, :, 2] = robot.weight / robot.num_points
-        state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
-        return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+        return state_at(robot, qpos, qvel)
 
     return make

@@ -2,9 +2,7 @@
 
 import copy
 from dataclasses import replace
-from typing import Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
@@ -19,6 +17,8 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of, moving, torque_of
+from tests.batches import begun
+from tests.control.test_whole_body import boundless
 from tests.pairs import pairs
 
 ENV = "fbid_gym/BipedBalance-v0"
@@ -30,16 +30,8 @@ either_limits = pytest.mark.parametrize(
 
 def settled(robot, count, seconds=4.0, **options):
     """Environments that have come to rest under the zero action."""
-    env = gym.make_vec(
-        ENV,
-        robot=robot.name,
-        num_envs=count,
-        action_layer="base_acceleration",
-        layer_options=options,
-        push_force=(0, 0),
-        episode_seconds=100.0,
-    )
-    env.reset(seed=0)
+    given = {"layer_options": options, "push_force": (0, 0), "episode_seconds": 100.0}
+    env = begun(ENV, count, robot=robot.name, action_layer="base_acceleration", **given)
     for _ in range(round(50 * seconds)):
         env.step(np.zeros(env.action_space.shape))
     return env.chunks.batches[0]
@@ -70,15 +62,10 @@ def promised(layer, command, state, target, terms):
         free = orthogonal_inverse_dynamics(*motion, base_priority=priority)
         forces = np.matvec(contacts.point_map.mT, free.contact_force)
         return free.torque, free.acceleration, forces.reshape(len(forces), -1, 3)
-    limited = limited_inverse_dynamics(
-        *motion,
-        ContactLimits(*law.limits[0].T),
-        point_map=contacts.point_map,
-        active=active,
-        base_priority=priority,
-        length=Stance.of(layer.law.robot).length,
-        wrench_cost=(1.0,) * 3 + (getattr(layer, "moment_priority", 1.0),) * 3,
-    )
+    own = {"point_map": contacts.point_map, "active": active, "base_priority": priority}
+    own |= {"wrench_cost": (1.0,) * 3 + (getattr(layer, "moment_priority", 1.0),) * 3}
+    own |= {"length": Stance.of(layer.law.robot).length}
+    limited = limited_inverse_dynamics(*motion, ContactLimits(*law.limits[0].T), **own)
     return limited.torque, limited.acceleration, limited.point_force
 
 
@@ -151,19 +138,14 @@ def test_what_is_asked_is_the_documented_law(robot, states, rng):
         return acceleration + w[key] ** 2 * gap + 2 * 0.8 * w[key] * rate
 
     wanted, added = quaternion_to_matrix(target.qpos[:, 3:7]), layer.scale * action
-    for row in range(10):
-        linear = pulled(
-            "balance",
-            target.com_acceleration[row],
-            target.com[row] - terms.com[row],
-            target.com_velocity[row] - terms.com_velocity[row],
-        )
-        linear[2] = pulled(
-            "height",
-            target.qacc[row, 2],
-            target.qpos[row, 2] - terms.base_position[row, 2],
-            target.qvel[row, 2] - state.qvel[row, 2],
-        )
+    late, fallen = target.qvel - state.qvel, target.qpos[:, 2] - terms.base_position[:, 2]
+    slow = target.com_velocity - terms.com_velocity
+    com = pulled("balance", target.com_acceleration, target.com - terms.com, slow)
+    com[:, 2] = pulled("height", target.qacc[:, 2], fallen, late[:, 2])
+    away = (target.qpos - state.qpos)[:, 7:]
+    joints = pulled("posture", target.qacc[:, 6:], away, late[:, 6:])
+    np.testing.assert_allclose(found.reference[:, 6:], joints, atol=1e-9)
+    for row, linear in enumerate(com):
         ahead = wanted[row] @ base_from_trunk(robot)[:, 0]
         cosine, sine = ahead[:2] / np.hypot(*ahead[:2])
         linear[:2] += np.array([[cosine, -sine], [sine, cosine]]) @ added[row, :2]
@@ -176,15 +158,8 @@ def test_what_is_asked_is_the_documented_law(robot, states, rng):
         angle = np.linalg.norm(turn)
         spin = left @ target.qvel[row, 3:6] - state.qvel[row, 3:6]
         angular = pulled("rotation", target.qacc[row, 3:6], turn / angle * np.sin(angle), spin)
-        joints = pulled(
-            "posture",
-            target.qacc[row, 6:],
-            target.qpos[row, 7:] - state.qpos[row, 7:],
-            target.qvel[row, 6:] - state.qvel[row, 6:],
-        )
         body = np.concatenate([linear, angular + added[row, 3:]])
         np.testing.assert_allclose(found.body[row], body, atol=1e-9)
-        np.testing.assert_allclose(found.reference[row, 6:], joints, atol=1e-9)
 
 
 def test_the_scale_of_the_action_is_what_the_stance_allows(robot):
@@ -215,10 +190,8 @@ def test_joint_accelerations_are_springs_to_their_target(robot, states, rng):
     desired[:, 6:] += 2 * 0.6 * w * (target.qvel[:, 6:] - state.qvel[:, 6:]) + 5.0 * action
     law = layer.law.constants
     contacts = reduced_contacts(law.geometry, terms)
-    free = orthogonal_inverse_dynamics(
-        *(terms.mass_matrix, terms.bias, contacts.jacobian, desired, contacts.bias),
-        base_priority=1.0 / law.mobility[:6],
-    )
+    motion = terms.mass_matrix, terms.bias, contacts.jacobian, desired, contacts.bias
+    free = orthogonal_inverse_dynamics(*motion, base_priority=1.0 / law.mobility[:6])
     ours = torque_of(layer, state, target, terms, action)
     compensated = free.torque + robot.joint_damping * state.qvel[:, 6:]
     # To the ridge that the law's legs have, 1e-8.
@@ -236,16 +209,12 @@ def test_damping_is_compensated_exactly(robot, states, name, limits):
     """On the robot as it is, the layer does what it does without compensation on one undamped."""
     state, terms = states(3)
     target = home_of(robot, terms)
-    torques = [
-        torque_of(
-            layer_of(name, robot, contact_limits=limits, compensate_damping=given),
-            *(state, target, terms),
-        )
-        for given in (True, False)
-    ]
-    np.testing.assert_allclose(
-        torques[0] - torques[1], robot.joint_damping * state.qvel[:, 6:], atol=1e-9
-    )
+    torques = []
+    for given in (True, False):
+        layer = layer_of(name, robot, contact_limits=limits, compensate_damping=given)
+        torques.append(torque_of(layer, state, target, terms))
+    lost = robot.joint_damping * state.qvel[:, 6:]
+    np.testing.assert_allclose(torques[0] - torques[1], lost, atol=1e-9)
     undamped = copy.copy(robot.model)
     undamped.dof_damping[:] = 0.0
     for row in range(3):
@@ -276,19 +245,12 @@ def test_measured_contacts_are_the_points_that_carry_weight(robot, states):
     assert memory["underactuation"][2] == 6 and memory["underactuation"][0] == 0
 
 
-def without_motor_limits(layer: Any) -> Any:
-    """The layer with motors that give every torque: the dense law knows no limits."""
-    constants = layer.law.constants
-    line = constants.motors.line._replace(torque=np.full(layer.law.robot.num_joints, 1e9))
-    constants = constants._replace(motors=constants.motors._replace(line=line))
-    return replace(layer, law=replace(layer.law, constants=constants))
-
-
 def test_scheduled_contacts_take_turns(robot, states):
     """Feet that the schedule lifts get no force, tick by tick and around the clock."""
     first, *others = robot.foot_names
     schedule = [(0.1, [first, *others]), (0.05, others), (0.03, [])]
-    layer = without_motor_limits(layer_of("base_acceleration", robot, contacts=schedule))
+    layer = layer_of("base_acceleration", robot, contacts=schedule)
+    layer = replace(layer, law=boundless(layer.law))  # the dense law knows no limits of motors
     ticks = np.arange(2 * 90)
     state, _ = states(1)
     counted = RobotState(*(np.repeat(value, len(ticks), axis=0) for value in state[:3]), ticks)

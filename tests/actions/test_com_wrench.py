@@ -1,6 +1,5 @@
 """Layer com_wrench by the papers' balancers: the wrench, what becomes of it, feet that swing."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -22,10 +21,12 @@ from fbid_gym.dynamics import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.robots import ROBOTS, load
 from tests.actions.cases import at_rest, home_of, layer_of, moving, torque_of
+from tests.batches import begun, started, upright
 from tests.pairs import pairs
 
 TORQUE_MAPS = {"garofalo2015": torque_map_garofalo2015, "ott2011": torque_map_ott2011}
@@ -59,26 +60,17 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, balancer, rng):
     level = Stance.of(robot).frame(terms).world_from_support
     desired = quaternion_to_matrix(planned.qpos[:, 3:7])
     angular = np.matvec(body.matrix[:, 3:], planned.qacc)
-    target = BalanceTarget(
-        com=planned.com,
-        world_from_base=desired,
-        com_velocity=planned.com_velocity,
-        angular_velocity=np.matvec(desired, planned.qvel[:, 3:6]),
-        angular_momentum=np.matvec(body.matrix[:, 3:], planned.qvel),
-        momentum_rate=np.concatenate([robot.mass * planned.com_acceleration, angular], axis=1),
-    )
+    spin, momentum = np.matvec(desired, planned.qvel[:, 3:6]), body.matrix[:, 3:]
+    moving_on = planned.com_velocity, spin, np.matvec(momentum, planned.qvel)
+    rate = np.concatenate([robot.mass * planned.com_acceleration, angular], axis=1)
+    target = BalanceTarget(planned.com, desired, *moving_on, rate)
     hertz = {part: layer.meant[f"{part}_frequency"] for part in PARTS}
     gains = papers_gains(robot, balancer, hertz, layer.meant["damping_ratio"])
     options = {"com": terms.com, "rotation": terms.world_from_base, "mass": body.mass}
     if balancer == "ott2011":
-        expected = desired_wrench_ott2011(
-            gains,
-            target,
-            com_velocity=terms.com_velocity,
-            angular_velocity=np.matvec(terms.world_from_base, state.qvel[:, 3:6]),
-            axes=level,
-            **options,
-        )
+        spin = np.matvec(terms.world_from_base, state.qvel[:, 3:6])
+        options |= {"com_velocity": terms.com_velocity, "angular_velocity": spin, "axes": level}
+        expected = desired_wrench_ott2011(gains, target, **options)
     else:
         expected = desired_wrench_garofalo2015(gains, target, momentum=body.momentum, **options)
     push = layer.scale * action
@@ -141,12 +133,8 @@ def test_the_torque_is_the_wrench_distributed(robot, states, balancer, limits, r
     torque_map = TORQUE_MAPS[balancer](terms, body, contacts, posture)
     lost = robot.joint_damping * state.qvel[:, 6:]  # motors have limits for that as well
     torque_map = torque_map._replace(offset=torque_map.offset + lost)
-    options = {
-        "to_com": body.to_com,
-        "point_map": contacts.point_map,
-        "weight": robot.weight,
-        "length": Stance.of(robot).length,
-    }
+    options = {"to_com": body.to_com, "point_map": contacts.point_map}
+    options |= {"weight": robot.weight, "length": Stance.of(robot).length}
     wrench = wrench_of(layer, np.zeros((5, 6)), state, target, terms, body)
     if limits == "none":
         balance = distribute_freely(torque_map, wrench, **options)
@@ -183,8 +171,7 @@ def test_feet_in_the_air_get_no_force(robot, states, balancer):
 def test_zero_action_walks(env, layer_options):
     """Through a few swings of every foot, at the control rate of the task."""
     options = {"action_layer": "com_wrench", "layer_options": layer_options}
-    env = gym.make_vec(env, num_envs=1, episode_seconds=3.2, push_force=(0, 0), **options)
-    env.reset(seed=0)
+    env = begun(env, 1, episode_seconds=3.2, push_force=(0, 0), **options)
     swung = np.zeros(env.unwrapped.chunks.batches[0].simulation.robot.num_feet, bool)
     foot = contact_geometry(env.unwrapped.chunks.batches[0].simulation.robot).foot_of_point
     for _ in range(155):
@@ -208,20 +195,10 @@ def test_zero_action_walks(env, layer_options):
 )
 def test_pushed_robots_stay_up(robot, balancer):
     """Six robots pushed from random sides with 0.15 of their weight."""
-    env = gym.make_vec(
-        "fbid_gym/BipedBalance-v0",
-        robot=robot.name,
-        num_envs=6,
-        action_layer="com_wrench",
-        layer_options={"balancer": balancer},
-        push_force=(0.15 * robot.weight, 0.15 * robot.weight),
-        push_interval=(0.5, 0.8),
-        episode_seconds=2.1,
-    )
-    env.reset(seed=0)
-    for _ in range(100):
-        *_, terminated, _, _ = env.step(np.zeros(env.action_space.shape, np.float32))
-        assert not terminated.any()
+    own = {"robot": robot, "action_layer": "com_wrench", "layer_options": {"balancer": balancer}}
+    own |= {"push_force": (0.15 * robot.weight,) * 2, "push_interval": (0.5, 0.8)}
+    batch = started(ENVIRONMENTS["fbid_gym/BipedBalance-v0"] | own | {"episode_seconds": 2.1}, 6)
+    upright(batch, 2.0)
 
 
 def test_bad_options_are_refused():

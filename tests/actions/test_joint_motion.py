@@ -7,21 +7,15 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_motion import JointMotion
-from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import MotionKind, standing_target
-from fbid_gym.quantities import RobotState
+from tests.actions.cases import state_at
+from tests.postures import posed
 
 
 @pytest.fixture(scope="module", params=["go1", "biped"])
 def robot(request):
     return robots.load(request.param)
-
-
-def state_of(robot, qpos, qvel=None):
-    qvel = np.zeros((1, robot.nv)) if qvel is None else qvel
-    rest = np.zeros((1, robot.num_points, 3)), np.zeros(1, np.int64)
-    return RobotState(qpos, qvel, *rest), MuJoCoDynamics(robot).terms(qpos, qvel)
 
 
 def motion_of(robot, aware):
@@ -45,17 +39,22 @@ def target_of(robot, terms, rng):
 
 def foot_places(robot, qpos):
     """By MuJoCo's forward kinematics."""
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(robot.model, data)
-    return data, np.array([data.xpos[foot.body] for foot in robot.feet])
+    data = posed(robot, qpos)
+    return np.array([data.xpos[foot.body] for foot in robot.feet])
+
+
+def assert_feet_move(motion, velocity, target, terms):
+    """As the target says."""
+    found = terms.foot_jacobian[0] @ velocity
+    rows = np.s_[:, : motion.legs.rows]
+    np.testing.assert_allclose(found[rows], target.foot_velocity[0][rows], atol=2e-2)
 
 
 def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     motion = motion_of(robot, aware=False)
     qpos = robot.home_qpos[None].copy()
-    state, terms = state_of(robot, qpos)
-    _, before = foot_places(robot, qpos[0])
+    state, terms = state_at(robot, qpos, carried=0.0)
+    before = foot_places(robot, qpos[0])
     body_at_home = terms.foot_position[0] - before
     target = target_of(robot, terms, rng)
     # The body comes to where the gait wants it, and the joints follow their reference.
@@ -66,7 +65,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     qvel = np.zeros((1, robot.nv))
     qvel[:, :2] = target.com_velocity[:, :2]  # it is there, as fast as it shall be
     for _ in range(12):
-        state, terms = state_of(robot, qpos, qvel)
+        state, terms = state_at(robot, qpos, qvel, carried=0.0)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
         target.com[:] = terms.com
         found = motion.target(state, target, terms)
@@ -74,16 +73,13 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     # Newton's steps converge.
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
     if robot.num_points > robot.num_feet:  # soles keep level, and so their bodies' offset
-        _, places = foot_places(robot, qpos[0])
+        places = foot_places(robot, qpos[0])
         np.testing.assert_allclose(places + body_at_home, target.foot_position[0], atol=1e-4)
     velocity = np.zeros(robot.nv)
     velocity[:2] = target.com_velocity[0, :2]
     velocity[3:6] = terms.world_from_base[0, 2] * target.qvel[0, 5]
     velocity[6:] = found.qvel[0, 6:]
-    rows = motion.legs.rows
-    np.testing.assert_allclose(
-        terms.foot_jacobian[0, :, :rows] @ velocity, target.foot_velocity[0, :, :rows], atol=2e-2
-    )
+    assert_feet_move(motion, velocity, target, terms)
     low, high = robot.joint_range.T
     assert ((found.qpos[0, 7:] >= low) & (found.qpos[0, 7:] <= high)).all()
 
@@ -94,19 +90,17 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
     motion, tick = motion_of(robot, aware), 1e-5
     qpos = robot.home_qpos[None].copy()
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
-    state, terms = state_of(robot, qpos)
-    now = target_of(robot, terms, rng)._replace(
-        planted=np.zeros((1, robot.num_feet), bool),
-        foot_acceleration=2.0 * rng.normal(size=(1, robot.num_feet, 6)),
-        com_acceleration=rng.normal(size=(1, 3)) * [1.0, 1.0, 0.0],
-        qvel=np.zeros((1, robot.nv)),
-    )
+    state, terms = state_at(robot, qpos, carried=0.0)
+    now = target_of(robot, terms, rng)
+    now.planted[:], now.qvel[:] = False, 0.0
+    now.foot_acceleration[:] = 2.0 * rng.normal(size=now.foot_acceleration.shape)
+    now.com_acceleration[:] = rng.normal(size=(1, 3)) * [1.0, 1.0, 0.0]
     # The gait's own motion, and a tick later.
     qvel = np.zeros((1, robot.nv))
     qvel[:, :2] = now.com_velocity[:, :2]
-    state, terms = state_of(robot, qpos, qvel)
+    state, terms = state_at(robot, qpos, qvel, carried=0.0)
     qvel[:, 6:] = motion.target(state, now, terms).qvel[:, 6:]
-    state, terms = state_of(robot, qpos, qvel)
+    state, terms = state_at(robot, qpos, qvel, carried=0.0)
     found = motion.target(state, now, terms)
     later = now._replace(
         foot_velocity=now.foot_velocity + tick * now.foot_acceleration,
@@ -116,7 +110,7 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
     mujoco.mj_integratePos(robot.model, qpos[0], qvel[0], tick)
     qvel = qvel.copy()
     qvel[:, :2] = later.com_velocity[:, :2]
-    state, terms = state_of(robot, qpos, qvel)
+    state, terms = state_at(robot, qpos, qvel, carried=0.0)
     after = motion.target(state, later, terms)
     rate = (after.qvel - found.qvel)[0, 6:] / tick
     # But for what is damped: at home a biped's knees are almost stretched.
@@ -128,19 +122,15 @@ def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(ro
     motion = motion_of(robot, aware=True)
     qpos, qvel = robot.home_qpos[None].copy(), 0.2 * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
-    state, terms = state_of(robot, qpos, qvel)
+    state, terms = state_at(robot, qpos, qvel, carried=0.0)
     target = target_of(robot, terms, rng)._replace(planted=np.zeros((1, robot.num_feet), bool))
     found = motion.target(state, target, terms)
     velocity = np.concatenate([qvel[0, :6], found.qvel[0, 6:]])
-    np.testing.assert_allclose(
-        terms.foot_jacobian[0, :, : motion.legs.rows] @ velocity,
-        target.foot_velocity[0, :, : motion.legs.rows],
-        atol=2e-2,
-    )
+    assert_feet_move(motion, velocity, target, terms)
     gaps = [np.abs(target.foot_position - terms.foot_position).max()]
     for _ in range(8):
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
-        state, terms = state_of(robot, qpos, qvel)
+        state, terms = state_at(robot, qpos, qvel, carried=0.0)
         found = motion.target(state, target, terms)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
@@ -150,7 +140,7 @@ def lagging(robot, speed):
     """A body that is where it shall be, but lacks a speed (2,) m/s."""
     qvel = np.zeros((1, robot.nv))
     qvel[0, :2] = -np.asarray(speed)
-    state, terms = state_of(robot, robot.home_qpos[None].copy(), qvel)
+    state, terms = state_at(robot, robot.home_qpos[None].copy(), qvel, carried=0.0)
     return standing_target(terms, robot.home_qpos), state, terms
 
 

@@ -17,7 +17,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 from fbid_gym.runtime.rates import Rates
 from tests.actions.cases import home_of, layer_of, moving, without_self_motion
-from tests.postures import turned
+from tests.postures import posed, turned
 
 NAME = "joint_position_feedforward"
 UNLIMITED = {"contact_limits": "none"}
@@ -32,9 +32,8 @@ def second_order(frequency, tick):
 def standing(layer, state, robot):
     """The state and its dynamics without the velocities that would move the feet."""
     qvel = state.qvel.copy()
-    jacobian, _ = point_jacobian(
-        Stance.of(robot).geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
-    )
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    jacobian, _ = point_jacobian(Stance.of(robot).geometry, terms)
     for row, matrix in enumerate(jacobian):
         qvel[row] -= np.linalg.pinv(matrix, rcond=1e-9) @ matrix @ qvel[row]
     return state._replace(qvel=qvel), MuJoCoDynamics(robot).terms(state.qpos, qvel)
@@ -49,11 +48,8 @@ def inverse_dynamics(jacobian, terms, row, acceleration):
 
 def com_jacobian(robot, qpos):
     """MuJoCo's own (3, nv), which the layer does not use."""
-    data, jacobian = mujoco.MjData(robot.model), np.empty((3, robot.nv))
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(robot.model, data)
-    mujoco.mj_comPos(robot.model, data)
-    mujoco.mj_jacSubtreeCom(robot.model, data, jacobian, robot.base_body)
+    jacobian = np.empty((3, robot.nv))
+    mujoco.mj_jacSubtreeCom(robot.model, posed(robot, qpos), jacobian, robot.base_body)
     return jacobian
 
 
@@ -127,9 +123,8 @@ def test_feedback_is_as_soft_as_the_robot_falls(robot):
     pendulum = np.sqrt(9.81 / Stance.of(robot).home_com[2])
     assert layer.natural_frequency == pytest.approx(pendulum / (2 * np.pi))
     stiff = layer_of("joint_position", robot, natural_frequency=1.0)
-    np.testing.assert_allclose(
-        layer.gains.stiffness, stiff.gains.stiffness * layer.natural_frequency**2
-    )
+    expected = stiff.gains.stiffness * layer.natural_frequency**2
+    np.testing.assert_allclose(layer.gains.stiffness, expected)
 
 
 def on_the_motion(motion, ticks, angle=1.1):
@@ -188,7 +183,7 @@ def test_a_squat_is_followed():
 
 def test_balance_brings_the_centre_of_mass_back(robot):
     """Pushed with a tenth of the weight from four sides, as the law says: without overshoot."""
-    layer = layer_of(NAME, robot)
+    layer, home_com = layer_of(NAME, robot), Stance.of(robot).home_com
     simulation = Simulation(robot, 4, Rates())
     simulation.place(np.arange(4), np.tile(robot.home_qpos, (4, 1)), np.zeros((4, robot.nv)))
     memory, still = layer.memory(4), np.zeros((4, robot.num_joints))
@@ -203,12 +198,9 @@ def test_balance_brings_the_centre_of_mass_back(robot):
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()
         frame = Stance.of(robot).frame(terms)
-        shift = (
-            np.vecmat(terms.com - frame.centre, frame.world_from_support)
-            - Stance.of(robot).home_com
-        )
+        shift = np.vecmat(terms.com - frame.centre, frame.world_from_support) - home_com
         away.append(np.vecdot(shift[:, :2], side[:, :2]))
-    height = Stance.of(robot).home_com[2]
+    height = home_com[2]
     largest = np.max(away, axis=0)
     assert (largest > 0.005 * height).all()
     assert (np.abs(away[-1]) < 0.1 * largest).all()

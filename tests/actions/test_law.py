@@ -15,9 +15,8 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
-from fbid_gym.quantities import RobotState
-from tests.actions.cases import layer_of, without_self_motion
-from tests.postures import bent, turned, without
+from tests.actions.cases import layer_of, state_at, without_self_motion
+from tests.postures import bent, posed, turned, without
 
 HZ = 250
 
@@ -39,13 +38,11 @@ def law_of(robot):
 
 def crouched(robot, rng, noise):
     """A robot on bent legs, all of it in motion."""
-    qpos = bent(robot)[None]
-    qpos, qvel = qpos.copy(), noise * rng.normal(size=(1, robot.nv))
+    qpos, qvel = bent(robot)[None].copy(), noise * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += noise * rng.normal(size=(1, robot.num_joints))
     turn = np.array([1.0, 0.0, 0.0, 0.4]) + noise * np.array([0.0, *rng.normal(size=3)])
     qpos[:, 3:7] = turn / np.linalg.norm(turn)
-    state = RobotState(qpos, qvel, np.zeros((1, robot.num_points, 3)), np.zeros(1, np.int64))
-    return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+    return state_at(robot, qpos, qvel, carried=0.0)
 
 
 def target_of(robot, terms, rng):
@@ -71,9 +68,7 @@ def acceleration_of(law, command, state, target, terms):
 
 def momentum(robot, qpos, qvel):
     """Of the whole robot about its centre of mass; by MuJoCo."""
-    data = mujoco.MjData(robot.model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot, qpos, qvel)
     mujoco.mj_subtreeVel(robot.model, data)
     mass = robot.model.body_subtreemass[1]
     return np.concatenate([mass * data.subtree_linvel[1], data.subtree_angmom[1]])
@@ -88,6 +83,11 @@ def momentum_rate(robot, state, acceleration, step=1e-5):
         mujoco.mj_integratePos(robot.model, qpos, way, 1.0)
         found.append(momentum(robot, qpos, state.qvel[0] + time * acceleration))
     return (found[0] - found[1]) / (2 * step)
+
+
+def rate_of(law, command, state, target, terms):
+    """What a command makes of the momentum."""
+    return momentum_rate(law.robot, state, acceleration_of(law, command, state, target, terms))
 
 
 def level(target, angle=0.0):
@@ -112,14 +112,8 @@ def test_a_push_adds_to_the_rate_of_the_momentum_along_the_heading(robot, rng):
     law, target = law_of(robot), target_of(robot, terms, rng)
     push = robot.weight * np.array([0.1, -0.05, 0.2, 0.01, -0.01, 0.005])
     command = command_of(robot, rng, np.zeros(6))
-    rates = [
-        momentum_rate(
-            robot,
-            state,
-            acceleration_of(law, command._replace(push=size * push[None]), state, target, terms),
-        )
-        for size in (0.0, 1.0)
-    ]
+    pushed = command._replace(push=push[None])
+    rates = [rate_of(law, each, state, target, terms) for each in (command, pushed)]
     turn = level(target)
     expected = np.concatenate([turn @ push[:3], turn @ push[3:]])
     # Armature on the joints is no part of the momentum.
@@ -148,10 +142,7 @@ def test_a_moment_turns_the_base_back_and_a_force_lifts_it(robot, rng):
     qpos[0, :3] = target.qpos[0, :3] + [0.0, 0.0, rise]
     moved = target._replace(qpos=qpos)
     command = command_of(robot, rng, np.zeros(6))
-    there, here = (
-        momentum_rate(robot, state, acceleration_of(law, command, state, aimed, terms))
-        for aimed in (moved, target)
-    )
+    there, here = (rate_of(law, command, state, aimed, terms) for aimed in (moved, target))
     gains, inertia = law.constants.gains, law.constants.turning_inertia
     force = gains.height * rise * robot.mass
     moment = gains.rotation * np.sin(angle) * level(moved) @ inertia[:, 2]
@@ -168,10 +159,7 @@ def test_the_momentum_is_damped_towards_that_of_the_target(robot, rng):
     moved = target._replace(qvel=target.qvel.copy())
     moved.qvel[0, 2:6] = 0.1, 0.2, -0.1, 0.3
     command = command_of(robot, rng, np.zeros(6))
-    there, here = (
-        momentum_rate(robot, state, acceleration_of(law, command, state, aimed, terms))
-        for aimed in (moved, target)
-    )
+    there, here = (rate_of(law, command, state, aimed, terms) for aimed in (moved, target))
     # The momentum of a robot that is carried along so, its feet where they are.
     size = 6 if robot.has_soles else 3
     feet = terms.foot_jacobian[:, :, :size].reshape(1, -1, robot.nv)
@@ -179,16 +167,13 @@ def test_the_momentum_is_damped_towards_that_of_the_target(robot, rng):
     spin = level(target) @ moved.qvel[0, 3:6]
     asked = np.concatenate([[0.0, 0.0, 0.1], terms.world_from_base[0].T @ spin])[None]
     own = without_self_motion(body, robot, terms, 0)
-    carried = operational_space_acceleration(
-        *(feet, np.zeros(feet.shape[:2]), own, None, asked),
-        motion_cost=1.0 / law.constants.mobility,
-    )
+    given, cost = (feet, np.zeros(feet.shape[:2]), own, None, asked), 1.0 / law.constants.mobility
+    carried = operational_space_acceleration(*given, motion_cost=cost)
     late = momentum(robot, state.qpos[0], carried.motion[0])
     gains, change = law.constants.gains, there - here
     np.testing.assert_allclose(change[2], gains.height_damping * late[2], rtol=1e-3)
-    np.testing.assert_allclose(
-        change[3:], gains.rotation_damping * late[3:], atol=1e-3 * np.abs(change[3:]).max()
-    )
+    size = np.abs(change[3:]).max()
+    np.testing.assert_allclose(change[3:], gains.rotation_damping * late[3:], atol=1e-3 * size)
 
 
 @pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])

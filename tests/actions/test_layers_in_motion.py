@@ -1,11 +1,11 @@
 """Layers in the simulation: thrown into the air, landing, and what they report."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.robots import ROBOTS
+from tests.batches import begun
 from tests.pairs import pairs
 
 ENV = "fbid_gym/BipedBalance-v0"
@@ -21,16 +21,8 @@ CASES = [
 @pytest.mark.parametrize(("layer", "options", "robot"), pairs(CASES, ROBOTS), indirect=["robot"])
 def test_thrown_half_a_metre_up(robot, layer, options):
     """Everything stays finite, in the air, at touchdown, and lying about."""
-    env = gym.make_vec(
-        ENV,
-        robot=robot.name,
-        num_envs=4,
-        action_layer=layer,
-        layer_options=options,
-        autoreset_mode="DISABLED",
-        velocity_noise=0.5,
-    )
-    env.reset(seed=0)
+    own = {"robot": robot.name, "action_layer": layer, "layer_options": options}
+    env = begun(ENV, 4, **own, autoreset_mode="DISABLED", velocity_noise=0.5)
     batch = env.chunks.batches[0]
     batch.simulation.qpos[:, 2] += 0.5
     batch.simulation.batch.forward()
@@ -63,16 +55,14 @@ def test_thrown_half_a_metre_up(robot, layer, options):
 def test_nothing_is_reported_that_is_not_measured(env_id, layer, options, misses):
     """Forces without limits miss no command of an acceleration; a wrench they can miss."""
     options = {"contact_limits": "none", **options}
-    env = gym.make(env_id, action_layer=layer, layer_options=options)
-    env.reset(seed=0)
+    env = begun(env_id, action_layer=layer, layer_options=options)
     *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
     assert "layer_underactuation" in info
     assert ("layer_residual" in info) == misses
 
 
 def test_saturation_is_the_share_of_joints_at_their_limit(robot):
-    env = gym.make(ENV, robot=robot.name, action_layer="torque")
-    env.reset(seed=0)
+    env = begun(ENV, robot=robot.name, action_layer="torque")
     action = np.zeros(robot.num_joints, np.float32)
     hold = env.unwrapped.batch.layer.hold
     action[:3] = np.where(hold[:3] >= 0.0, 1.0, -1.0)

@@ -11,18 +11,12 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
-from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot, zoo
-from tests.actions.cases import at_rest, home_of, layer_of, torque_of
-from tests.batches import started
+from tests.actions.cases import at_rest, home_of, layer_of, state_at, torque_of
+from tests.batches import started, upright
 
 ANIMAL = zoo.draw(22)
-MODEL_BASED = (
-    "joint_position_feedforward",
-    "joint_acceleration",
-    "base_acceleration",
-    "com_wrench",
-)
+MODEL_BASED = "joint_position_feedforward joint_acceleration base_acceleration com_wrench".split()
 
 
 def animal(limit: float | None = None, **joints: Any) -> Robot:
@@ -52,9 +46,8 @@ def test_what_is_given_back_is_what_is_lost(rng):
         data.qpos[:] = robot.home_qpos + np.r_[np.zeros(7), rng.normal(size=robot.num_joints)]
         data.qvel[:] = rng.normal(size=robot.nv)
         mujoco.mj_forward(robot.model, data)
-        found = give_back(
-            passive, np.zeros((1, robot.num_joints)), data.qpos[None], data.qvel[None]
-        )
+        nothing = np.zeros((1, robot.num_joints))
+        found = give_back(passive, nothing, data.qpos[None], data.qvel[None])
         np.testing.assert_allclose(found[0], -data.qfrc_passive[6:], rtol=1e-12, atol=1e-12)
     assert np.abs(data.qfrc_spring[6:]).min() > 0.1 and np.abs(data.qfrc_damper[6:]).min() > 0.1
 
@@ -65,9 +58,8 @@ def test_friction_given_back_never_drives(rng):
     passive = PassiveJoints.of(robot, friction=True)
     qvel = rng.normal(size=(200, robot.nv)) * 10.0 ** rng.uniform(-4, 1, (200, 1))
     zeros, qpos = np.zeros((200, robot.num_joints)), np.tile(robot.home_qpos, (200, 1))
-    found = give_back(passive, zeros.copy(), qpos, qvel) - give_back(
-        PassiveJoints.of(robot), zeros.copy(), qpos, qvel
-    )
+    both = passive, PassiveJoints.of(robot)
+    found = np.subtract(*(give_back(each, zeros.copy(), qpos, qvel) for each in both))
     speed = qvel[:, 6:]
     assert (found * speed >= 0.0).all() and (np.abs(found) <= 3.0 * (1 + 1e-12)).all()
     fast = np.abs(speed) >= (1.0 / passive.steepness)
@@ -85,9 +77,7 @@ def test_springs_and_damping_are_added_to_the_same_torque(name, limits, rng):
     count, joints = 5, plain.num_joints
     qpos, qvel = np.tile(plain.home_qpos, (count, 1)), 0.2 * rng.normal(size=(count, plain.nv))
     qpos[:, 7:] += 0.1 * rng.normal(size=(count, joints))
-    force = np.zeros((count, plain.num_points, 3))
-    force[..., 2] = plain.weight / plain.num_points
-    state = RobotState(qpos, qvel, force, np.zeros(count, np.int64))
+    state, _ = state_at(plain, qpos, qvel)
     torques = []
     for robot in (plain, sprung):
         layer = layer_of(name, robot, contact_limits=limits)
@@ -117,9 +107,7 @@ def played(robot: Robot, task: str, name: str, seconds: float, **options: Any) -
     arguments = {"robot": robot, "task": task, "action_layer": name, "push_force": (0.0, 0.0)}
     arguments |= {"episode_seconds": seconds + 1.0, "layer_options": options}
     batch = started(arguments, 4)
-    for _ in range(round(50 * seconds)):
-        step = batch.step(np.zeros((4, len(batch.action_names))))
-        assert not step.terminated.any()
+    upright(batch, seconds)
     return batch
 
 
@@ -144,16 +132,8 @@ def test_sprung_and_rubbing_robots_walk():
 def test_what_is_asked_of_contacts_is_what_springs_leave():
     """Of a robot at rest, the ground gives just that."""
     sprung = animal(stiffness=[0.2 * pull(animal())], damping=[0.01], springref=0.2)
-    batch = started(
-        {
-            "robot": sprung,
-            "action_layer": "base_acceleration",
-            "push_force": (0.0, 0.0),
-            "height_range": (1.0, 1.0),
-        },
-        1,
-    )
-    for _ in range(100):
-        batch.step(np.zeros((1, len(batch.action_names))))
+    still = {"push_force": (0.0, 0.0), "height_range": (1.0, 1.0)}
+    batch = started({"robot": sprung, "action_layer": "base_acceleration"} | still, 1)
+    upright(batch, 2.0)
     seen = insight(batch)
     np.testing.assert_allclose(seen.commanded, seen.measured, atol=0.02 * sprung.weight)

@@ -8,33 +8,24 @@ from fbid_gym.actions import make_layer
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.motions.target import MotionKind, planned_kind
-from tests.batches import started
+from tests.batches import Watched, started, upright
 
 HZ = 250
+JOINTS = ["joint_position_feedforward", "joint_acceleration", "joint_position"]
+WALKERS = [("quadruped", JOINTS[0])]
+WALKERS += [("go1", layer) for layer in (*JOINTS, "task_space_position")]
 
 
 def walking(robot, layer, count, **options):
     """Robots that walk for five seconds, each to its own commands."""
     arguments = {"robot": robot, "action_layer": layer, "episode_seconds": 5.0, **options}
-    batch = started(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments, count)
-    return batch, np.zeros((count, len(batch.action_names)))
+    return started(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments, count)
 
 
-@pytest.mark.parametrize(
-    "robot, layer",
-    [
-        ("go1", "joint_position_feedforward"),
-        ("quadruped", "joint_position_feedforward"),
-        ("go1", "joint_acceleration"),
-        ("go1", "joint_position"),
-        ("go1", "task_space_position"),
-    ],
-)
+@pytest.mark.parametrize("robot, layer", WALKERS)
 def test_the_zero_action_walks(robot, layer):
     """Robots on point feet, five seconds, whatever is commanded."""
-    batch, zero = walking(robot, layer, 4)
-    for _ in range(batch.num_steps):
-        assert not batch.step(zero).terminated.any()
+    upright(walking(robot, layer, 4), 5.0)
 
 
 @pytest.mark.parametrize("layer", ["joint_position", "task_space_position"])
@@ -53,24 +44,12 @@ def test_ankles_keep_most_bipeds_up(layer):
 
 def test_torques_of_joint_pd_go_through_lift_off():
     """A foot that lifts has handed over before what it led the body by; the weight only then."""
-    batch, zero = walking("go1", "joint_position", 4, layer_options={"pendulum": False})
-    planted, torque, inner = [], [], batch.layer
-
-    class Watched:
-        def __getattr__(self, name):
-            return getattr(inner, name)
-
-        def torque(self, action, state, target, *others):
-            said = inner.torque(action, state, target, *others)
-            planted.append(target.planted.copy())
-            torque.append(said.copy())
-            return said
-
-    batch.loop.layer = Watched()
+    batch = walking("go1", "joint_position", 4, layer_options={"pendulum": False})
+    batch.loop.layer = seen = Watched(batch.layer)
     for _ in range(batch.num_steps):
-        batch.step(zero)
-    stood = np.array(planted)
-    change = np.abs(np.diff(torque, axis=0)).reshape(len(stood) - 1, 4, 4, 3).max(axis=3)
+        batch.step(np.zeros((4, len(batch.action_names))))
+    stood = np.array(seen.planted)
+    change = np.abs(np.diff(seen.torques, axis=0)).reshape(len(stood) - 1, 4, 4, 3).max(axis=3)
     lifts, stands = stood[:-1] & ~stood[1:], stood[:-1] & stood[1:]
     assert lifts.sum() > 100
     assert np.median(change[lifts]) < 2.0 * np.median(change[stands])

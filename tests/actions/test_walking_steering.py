@@ -6,7 +6,6 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.actions.additions import Additions
-from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError
@@ -14,6 +13,7 @@ from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.quantities import RobotState, Target
+from tests.actions.cases import state_at
 from tests.batches import started
 
 HZ = 250
@@ -28,9 +28,8 @@ def held(robot):
     """A robot held by a hand, with its weight on its feet."""
     qpos = robot.home_qpos[None].copy()
     qpos[0, 3:7] = np.cos(0.3), 0.0, 0.0, np.sin(0.3)
-    force = np.zeros((1, robot.num_points, 3))
-    force[:, :, 2] = robot.weight / robot.num_points
-    return MuJoCoDynamics(robot).terms(qpos, np.zeros((1, robot.nv))), force
+    state, terms = state_at(robot, qpos)
+    return terms, state.contact_force
 
 
 def commanded(velocity, steering):

@@ -17,6 +17,15 @@ from fbid_gym.control.contact_forces import (
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
 
 
+def wrench_map_of(arm: np.ndarray) -> np.ndarray:
+    """(N, 6, 3 P) force and moment of forces on points, `arm` (N, P, 3) from where they count."""
+    rows = np.zeros((len(arm), 6, arm.shape[1], 3))
+    rows[:, :3] = np.eye(3)[:, None]
+    for axis in range(3):
+        rows[:, 3:, :, axis] = np.cross(arm, np.eye(3)[axis]).mT
+    return rows.reshape(len(arm), 6, -1)
+
+
 class ContactForces(NamedTuple):
     """Feasible contact forces and how well they deliver the wrench."""
 

@@ -1,10 +1,13 @@
 """Random floating-base systems in contact, built from rigid bodies so that ranks are physical."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+from fbid_gym.control import orthogonal_inverse_dynamics
 
 
 class System(NamedTuple):
@@ -22,6 +25,31 @@ class System(NamedTuple):
     def law(self) -> tuple[np.ndarray, ...]:
         """The arguments every law starts with."""
         return self[:5]
+
+    def achievable(self) -> "System":
+        """The same with the nearest command that contacts and underactuation allow."""
+        return self._replace(acceleration=orthogonal_inverse_dynamics(*self.law).acceleration)
+
+    def forward(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What comes of a torque: see `forward`."""
+        return forward(self.mass_matrix, self.bias, self.jacobian, self.jacobian_bias, torque)
+
+
+def forward(
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    drift: np.ndarray,
+    torque: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations and least contact forces of N robots under a torque, by dense least squares."""
+    nv, solutions = bias.shape[1], []
+    for i, rows in enumerate(jacobian):
+        kkt = np.block([[mass_matrix[i], -rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        right = np.concatenate([-bias[i], -drift[i]])
+        right[6:nv] += torque[i]
+        solutions.append(np.linalg.lstsq(kkt, right, rcond=1e-11)[0])
+    return np.array(solutions)[:, :nv], np.array(solutions)[:, nv:]
 
 
 # name: (points of each foot (N x 3, m, from the foot's origin), rank of J, underactuation)
@@ -75,9 +103,8 @@ def _system(
     rows = []
     for foot, points in enumerate(feet):
         # The foot's origin, 0.8 m below the base, and its twist as a function of v.
-        origin = np.array([0.3 * (foot // 2), 0.2 * (foot % 2), -0.8]) + rng.normal(
-            0.0, 0.05, (count, 3)
-        )
+        origin = np.array([0.3 * (foot // 2), 0.2 * (foot % 2), -0.8])
+        origin = origin + rng.normal(0.0, 0.05, (count, 3))
         leg = slice(6 + foot * _LEG, 6 + (foot + 1) * _LEG)
         twist = np.zeros((count, 6, nv))
         twist[:, :3, :3] = twist[:, 3:, 3:6] = np.eye(3)
@@ -91,15 +118,9 @@ def _system(
             elif not drop_rows:
                 rows.append(np.zeros_like(jacobian))
     jacobian = np.concatenate(rows, axis=1) if rows else np.zeros((count, 0, nv))
-    return System(
-        mass_matrix,
-        gravity + rng.normal(0.0, 5.0, (count, nv)),
-        jacobian,
-        rng.normal(0.0, 2.0, (count, nv)),
-        np.matvec(jacobian, rng.normal(0.0, 1.0, (count, nv))),
-        rank,
-        underactuation,
-    )
+    bias, command = gravity + rng.normal(0.0, 5.0, (count, nv)), rng.normal(0.0, 2.0, (count, nv))
+    drift = np.matvec(jacobian, rng.normal(0.0, 1.0, (count, nv)))
+    return System(mass_matrix, bias, jacobian, command, drift, rank, underactuation)
 
 
 MakeSystem = Callable[..., System]
@@ -108,11 +129,7 @@ MakeSystem = Callable[..., System]
 @pytest.fixture
 def make_system(rng: np.random.Generator) -> MakeSystem:
     """`make_system(contacts, count, drop_rows)`: see `CONTACTS` for the names."""
-
-    def make(contacts: str = "two flat feet", count: int = 4, drop_rows: bool = False) -> System:
-        return _system(rng, contacts, count, drop_rows)
-
-    return make
+    return partial(_system, rng)
 
 
 @pytest.fixture(params=CONTACTS)

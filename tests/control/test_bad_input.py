@@ -34,21 +34,13 @@ def laws() -> dict[str, dict[str, Any]]:
     joints, nv = robots.torque.shape[1], robots.velocity.shape[1]
     contacts = ReducedContacts(robots.jacobian, robots.drift, np.tile(np.eye(rows), (count, 1, 1)))
     turns, zeros = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 6))
-    limited = {
-        "active": np.ones((count, 2), bool),
-        "warm_start": zeros,
-        "wrench_cost": np.ones(6),
-        "length": 1.0,
-        "limits": ContactLimits(0.6),
-    }
-    equations = {
-        "mass_matrix": terms.mass_matrix,
-        "bias": terms.bias,
-        "jacobian": robots.jacobian,
-        "acceleration": robots.acceleration,
-        "jacobian_bias": robots.drift,
-        "base_priority": 1.0,
-    }
+    limited = {"active": np.ones((count, 2), bool), "warm_start": zeros, "wrench_cost": np.ones(6)}
+    limited |= {"length": 1.0, "limits": ContactLimits(0.6), "point_map": contacts.point_map}
+    contact = {"jacobian": robots.jacobian, "jacobian_bias": robots.drift}
+    equations = {"mass_matrix": terms.mass_matrix, "bias": terms.bias, "base_priority": 1.0}
+    equations |= contact | {"acceleration": robots.acceleration}
+    task = {"task_jacobian": robots.task_jacobian, "task_bias": robots.task, "task": robots.task}
+    task |= {"reference": robots.acceleration, "motion_cost": np.ones(nv), "least_gain": 0.1}
     mapped = {"terms": terms, "body": body, "contacts": contacts, "posture": robots.torque}
     mapped |= {"mobility": np.ones((count, joints))}
     wrench = {
@@ -56,32 +48,17 @@ def laws() -> dict[str, dict[str, Any]]:
         "target": BalanceTarget(zeros[:, :3], turns, *[zeros[:, :3]] * 3, zeros),
         **{"com": terms.com, "rotation": turns, "mass": 10.0, "axes": turns},
     }
+    velocities = {"com_velocity": zeros[:, :3], "angular_velocity": zeros[:, :3]}
+    shared = {"torque_map": control.torque_map_ott2011(**mapped), "wrench": robots.wrench}
+    shared |= {"to_com": body.to_com, "weight": 98.1, "torque_limit": np.full(joints, 30.0)}
     return {
         "orthogonal_inverse_dynamics": equations | {"torque_cost": np.ones(joints)},
-        "limited_inverse_dynamics": equations | limited | {"point_map": contacts.point_map},
-        "operational_space_acceleration": {
-            "jacobian": robots.jacobian,
-            "jacobian_bias": robots.drift,
-            "task_jacobian": robots.task_jacobian,
-            "task_bias": robots.task,
-            "task": robots.task,
-            "reference": robots.acceleration,
-            "motion_cost": np.ones(nv),
-            "least_gain": 0.1,
-        },
-        "distribute": {
-            "torque_map": control.torque_map_ott2011(**mapped),
-            "wrench": robots.wrench,
-            "to_com": body.to_com,
-            "point_map": contacts.point_map,
-            "weight": 98.1,
-            "torque_limit": np.full(joints, 30.0),
-            **limited,
-        },
+        "limited_inverse_dynamics": equations | limited,
+        "operational_space_acceleration": contact | task,
+        "distribute": shared | limited,
         **{f"torque_map_{n}": mapped for n in ("ott2011", "garofalo2015", "inverse_dynamics")},
         "desired_wrench_garofalo2015": wrench | {"momentum": zeros},
-        "desired_wrench_ott2011": wrench
-        | {"com_velocity": zeros[:, :3], "angular_velocity": zeros[:, :3]},
+        "desired_wrench_ott2011": wrench | velocities,
     }
 
 

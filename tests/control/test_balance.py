@@ -14,7 +14,6 @@ from fbid_gym.control.balance import (
 from fbid_gym.control.balance_gains import BalanceGains
 
 COUNT = 20
-GOOD = {"stiffness": 1.0, "damping": 1.0, "rotation_stiffness": 1.0, "rotation_damping": 1.0}
 
 
 def symmetric(rng, size=1.0):
@@ -24,7 +23,7 @@ def symmetric(rng, size=1.0):
 
 
 def spring(stiffness):
-    return BalanceGains(**GOOD | {"rotation_stiffness": stiffness})
+    return BalanceGains(1.0, 1.0, rotation_stiffness=stiffness, rotation_damping=1.0)
 
 
 def quaternion(rotation):
@@ -36,24 +35,14 @@ def quaternion(rotation):
 @pytest.fixture
 def orientations(rng):
     """Actual and desired rotations, (COUNT, 3, 3) each, by any angle from each other."""
-    return (
-        Rotation.random(COUNT, rng=rng).as_matrix(),
-        Rotation.random(COUNT, rng=rng).as_matrix(),
-    )
+    return [Rotation.random(COUNT, rng=rng).as_matrix() for _ in range(2)]
 
 
 def moment_of(gains, rotation, desired):
     """(N, 3) N·m of the rotational spring alone, world: of robots at rest where they should be."""
     still = np.zeros((len(rotation), 3))
-    wrench = desired_wrench_garofalo2015(
-        gains,
-        resting_target(still, desired),
-        com=still,
-        rotation=rotation,
-        momentum=np.zeros((len(rotation), 6)),
-        mass=1.0,
-    )
-    return wrench[:, 3:]
+    state = {"com": still, "rotation": rotation, "momentum": np.zeros((len(still), 6)), "mass": 1.0}
+    return desired_wrench_garofalo2015(gains, resting_target(still, desired), **state)[:, 3:]
 
 
 # --- the rotational spring -------------------------------------------------------------------
@@ -66,11 +55,8 @@ def test_the_moment_is_the_papers_and_the_gradient_of_a_potential(rng, orientati
     moment = moment_of(gains, rotation, desired)
     # -tau_P with the error R^T R_d, in the axes of the base; tau_P, with the error as printed, in
     # the axes of the desired orientation.
-    for axes, error, sign in (
-        (rotation, rotation.mT @ desired, 2.0),
-        (desired, desired.mT @ rotation, -2.0),
-    ):
-        scalar, vector = quaternion(error)
+    for axes, other, sign in ((rotation, desired, 2.0), (desired, rotation, -2.0)):
+        scalar, vector = quaternion(axes.mT @ other)
         turned = vector @ stiffness
         expected = np.matvec(axes, sign * (scalar[:, None] * turned + np.cross(vector, turned)))
         np.testing.assert_allclose(moment, expected, atol=1e-12)
@@ -120,20 +106,10 @@ def test_spring_restores_and_with_the_other_sign_does_not(rng):
 @pytest.fixture
 def measured(rng, orientations):
     rotation, desired = orientations
-    target = BalanceTarget(
-        com=rng.normal(size=(COUNT, 3)),
-        world_from_base=desired,
-        com_velocity=rng.normal(size=(COUNT, 3)),
-        angular_velocity=rng.normal(size=(COUNT, 3)),
-        angular_momentum=rng.normal(size=(COUNT, 3)),
-        momentum_rate=rng.normal(size=(COUNT, 6)),
-    )
-    state = {
-        "com": rng.normal(size=(COUNT, 3)),
-        "rotation": rotation,
-        "mass": rng.uniform(20.0, 80.0, COUNT),
-    }
-    return target, state
+    wanted, *moving = rng.normal(size=(4, COUNT, 3))
+    target = BalanceTarget(wanted, desired, *moving, rng.normal(size=(COUNT, 6)))
+    com, mass = rng.normal(size=(COUNT, 3)), rng.uniform(20.0, 80.0, COUNT)
+    return target, {"com": com, "rotation": rotation, "mass": mass}
 
 
 def gains_of(rng):
@@ -144,21 +120,17 @@ def test_eqs_36_38_and_39(rng, measured):
     target, state = measured
     gains, mass = gains_of(rng), state["mass"][:, None]
     velocity, spin, momentum = *rng.normal(size=(2, COUNT, 3)), rng.normal(size=(COUNT, 6))
-    ott = desired_wrench_ott2011(
-        gains, target, com_velocity=velocity, angular_velocity=spin, **state
-    )
+    rates = {"com_velocity": velocity, "angular_velocity": spin}
+    ott = desired_wrench_ott2011(gains, target, **rates, **state)
     garofalo = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
     rest = np.zeros((COUNT, 6))
     rest[:, :3] = mass * [0.0, 0.0, 9.81] - (state["com"] - target.com) @ gains.stiffness
     rest[:, 3:] = moment_of(gains, state["rotation"], target.world_from_base)
     rest += target.momentum_rate
+    left = momentum[:, :3] - mass * target.com_velocity, momentum[:, 3:] - target.angular_momentum
     for wrench, late, turning in (
         (ott, velocity - target.com_velocity, spin - target.angular_velocity),
-        (
-            garofalo,
-            momentum[:, :3] - mass * target.com_velocity,
-            momentum[:, 3:] - target.angular_momentum,
-        ),
+        (garofalo, *left),
     ):
         damped = np.concatenate([late @ gains.damping, turning @ gains.rotation_damping], axis=1)
         np.testing.assert_allclose(wrench, rest - damped, atol=1e-10)
@@ -184,24 +156,11 @@ def test_both_laws_damp_a_rigid_body_alike(rng, orientations):
     gains = BalanceGains.from_frequencies(mass, inertia, linear=1.0, rotation=(1.5, 1.2, 0.8))
     com, velocity, spin = rng.normal(size=(3, COUNT, 3))
     target = resting_target(com + 0.1, desired)
-    masses = np.full(COUNT, mass)
-    ours = desired_wrench_garofalo2015(
-        gains,
-        target,
-        com=com,
-        rotation=rotation,
-        momentum=np.concatenate([mass * velocity, spin @ inertia], axis=1),
-        mass=masses,
-    )
-    theirs = desired_wrench_ott2011(
-        gains.on_velocity(mass, inertia),
-        target,
-        com=com,
-        com_velocity=velocity,
-        rotation=rotation,
-        angular_velocity=spin,
-        mass=masses,
-    )
+    state = {"com": com, "rotation": rotation, "mass": np.full(COUNT, mass)}
+    momentum = np.concatenate([mass * velocity, spin @ inertia], axis=1)
+    ours = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
+    rates = {"com_velocity": velocity, "angular_velocity": spin}
+    theirs = desired_wrench_ott2011(gains.on_velocity(mass, inertia), target, **rates, **state)
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 

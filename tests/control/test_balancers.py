@@ -153,16 +153,10 @@ def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
 @pytest.mark.parametrize("torque_map", MAPS)
 def test_all_maps_carry_the_weight_at_rest(name, torque_map, rng):
     still = scene(name, rng, 0.0, 0.0)
-    wrench = np.zeros((COUNT, 6))
-    wrench[:, 2] = still.robot.weight
-    result = distribute(
-        torque_map(*still.model),
-        wrench,
-        LIMITS,
-        to_com=still.body.to_com,
-        point_map=still.contacts.point_map,
-        weight=still.robot.weight,
-    )
+    wrench, own = np.zeros((COUNT, 6)), torque_map(*still.model)
+    wrench[:, 2] = weight = still.robot.weight
+    maps = {"to_com": still.body.to_com, "point_map": still.contacts.point_map}
+    result = distribute(own, wrench, LIMITS, weight=weight, **maps)
     acceleration, _ = still.accelerations(result.torque)
     np.testing.assert_allclose(result.residual, 0.0, atol=1e-9)
     np.testing.assert_allclose(acceleration, 0.0, atol=1e-5)
@@ -214,30 +208,21 @@ def test_posture_moves_neither_contacts_nor_momentum(moving, torque_map):
     with_posture, after = moving.accelerations(torque)
     size = np.abs(moving.posture).max() * np.abs(moving.terms.mass_matrix).max()
     assert_close(after / size, before / size, 1e-6)
-    assert_close(
-        moving.momentum_rate(with_posture) / size, moving.momentum_rate(without) / size, 1e-6
-    )
+    rates = (moving.momentum_rate(each) / size for each in (with_posture, without))
+    assert_close(*rates, 1e-6)
     change = (with_posture - without)[:, 6:]
     if moving.robot.num_joints > moving.contacts.jacobian.shape[1]:
         # as much of the posture as is left: its orthogonal projection
-        np.testing.assert_allclose(
-            np.vecdot(change, moving.posture), np.vecdot(change, change), rtol=1e-3
-        )
+        along = np.vecdot(change, moving.posture)
+        np.testing.assert_allclose(along, np.vecdot(change, change), rtol=1e-3)
         assert (np.abs(change).max(axis=1) > 0.1).all()
-        assert_close(
-            torque - torque_map(*moving.model).torque(*forces),
-            np.matvec(moving.joint_inertia, change),
-            1e-5,
-        )
+        added = torque - torque_map(*moving.model).torque(*forces)
+        assert_close(added, np.matvec(moving.joint_inertia, change), 1e-5)
 
 
 @pytest.mark.parametrize("torque_map", MAPS)
 def test_in_flight_the_posture_is_all_there_is(moving, torque_map):
-    none = ReducedContacts(
-        np.zeros_like(moving.contacts.jacobian),
-        np.zeros_like(moving.contacts.bias),
-        np.zeros_like(moving.contacts.point_map),
-    )
+    none = ReducedContacts(*map(np.zeros_like, moving.contacts))
     torque = torque_map(moving.terms, moving.body, none, moving.posture).offset
     force = -moving.terms.bias
     force[:, 6:] += torque

@@ -10,10 +10,11 @@ import pytest
 from fbid_gym.control import Accuracy, ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.control.dual_newton import nearest_force
-from tests.control.cones import ContactForces, contact_forces, solved_by_clarabel
+from tests.control.cones import ContactForces, contact_forces, solved_by_clarabel, wrench_map_of
 from tests.pairs import pairs
 
 WEIGHT, LENGTH = 540.0, 0.3
+SCALE = np.array([1.0, 1.0, 1.0, *[1.0 / LENGTH] * 3])
 EXACT = {"accuracy": DEFAULT_ACCURACY._replace(tolerance=1e-11, max_iterations=100)}
 REGULARISATION, TOLERANCE = DEFAULT_ACCURACY.regularisation, DEFAULT_ACCURACY.tolerance
 MAX_ITERATIONS = DEFAULT_ACCURACY.max_iterations
@@ -32,12 +33,7 @@ def feet(rng: np.random.Generator, count: int) -> np.ndarray:
         (x, side + y, -0.9) for side in (-0.1, 0.1) for x in (-0.08, 0.14) for y in (-0.04, 0.04)
     ]
     points = np.array(corners) + rng.normal(0.0, 0.02, (count, 1, 3))
-    points = points + rng.normal(0.0, 0.003, (count, 8, 3))
-    wrench_map = np.zeros((count, 6, 8, 3))
-    wrench_map[:, :3] = np.eye(3)[:, None]
-    for axis in range(3):
-        wrench_map[:, 3:, :, axis] = np.cross(points, np.eye(3)[axis]).mT
-    return wrench_map.reshape(count, 6, 24)
+    return wrench_map_of(points + rng.normal(0.0, 0.003, (count, 8, 3)))
 
 
 def scene(rng: np.random.Generator, push: float, count: int = 12) -> Scene:
@@ -72,33 +68,24 @@ def solve(case: Scene, limits: ContactLimits, **options: Any) -> ContactForces:
 
 
 def reference(
-    wrench_map: np.ndarray,
-    wrench: np.ndarray,
-    friction: np.ndarray,
-    lowest: np.ndarray,
-    highest: np.ndarray,
+    wrench_map: np.ndarray, wrench: np.ndarray, limits: np.ndarray
 ) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
-    """Forces (P, 3) of one robot by Clarabel, and the cost it minimises; limits (P,)."""
-    points = len(friction)
-    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
-    maps, target = wrench_map * scale[:, None], wrench * scale / WEIGHT
+    """Forces (P, 3) of one robot by Clarabel, and the cost it minimises; limits (3, P)."""
+    points = limits.shape[1]
+    maps, target = wrench_map * SCALE[:, None], wrench * SCALE / WEIGHT
     rows, offsets, cones = [], [], []
-    for i in range(points):
-        normal = np.zeros(3 * points)
-        normal[3 * i + 2] = 1.0
+    for i, (friction, lowest, highest) in enumerate(limits.T):
+        along_x, along_y, normal = np.eye(3 * points)[3 * i : 3 * i + 3]
         rows.append(-normal)
-        offsets.append(-lowest[i] / WEIGHT)
-        if np.isfinite(highest[i]):
+        offsets.append(-lowest / WEIGHT)
+        if np.isfinite(highest):
             rows.append(normal)
-            offsets.append(highest[i] / WEIGHT)
-        cones.append(clarabel.NonnegativeConeT(1 + int(np.isfinite(highest[i]))))
-        tangents = np.zeros((2, 3 * points))
-        tangents[[0, 1], [3 * i, 3 * i + 1]] = 1.0
-        rows += [-friction[i] * normal, *-tangents]
+            offsets.append(highest / WEIGHT)
+        cones.append(clarabel.NonnegativeConeT(1 + int(np.isfinite(highest))))
+        rows += [-friction * normal, -along_x, -along_y]
         offsets += [0.0, 0.0, 0.0]
         cones.append(clarabel.SecondOrderConeT(3))
     found = solved_by_clarabel(maps, target, np.array(rows), np.array(offsets, float), cones)
-    assert found is not None
 
     def cost(force: np.ndarray) -> float:
         error = maps @ force.ravel() / WEIGHT - target
@@ -114,8 +101,7 @@ def assert_feasible(
     slack = slack * WEIGHT
     tangential, normal = np.linalg.norm(force[..., :2], axis=-1), force[..., 2]
     assert (tangential <= friction * normal + slack).all()
-    assert (normal >= lowest - slack).all()
-    assert (normal <= highest + slack).all()
+    assert (normal >= lowest - slack).all() and (normal <= highest + slack).all()
 
 
 LIMITS = {
@@ -125,11 +111,7 @@ LIMITS = {
     "pressed": (0.7, 20.0, np.inf),
     "bounded": (0.6, 5.0, 90.0),
     "pinned": (0.5, 60.0, 60.0),
-    "each its own": (
-        np.linspace(0.1, 1.2, 8),
-        np.linspace(0.0, 20.0, 8),
-        np.linspace(60.0, 400.0, 8),
-    ),
+    "each its own": np.linspace([0.1, 0.0, 60.0], [1.2, 20.0, 400.0], 8).T,
 }
 
 
@@ -138,7 +120,7 @@ def test_equals_clarabel(rng, limits, push):
     case = scene(rng, push)
     active = rng.random((12, 8)) < 0.8
     active[0], active[1] = True, False
-    bounds = [np.broadcast_to(x, (12, 8)) for x in LIMITS[limits]]
+    bounds = np.array([np.broadcast_to(x, (12, 8)) for x in LIMITS[limits]])
     solution = solve(case, ContactLimits(*LIMITS[limits]), active=active, **EXACT)
     assert_feasible(solution.force, bounds[0], bounds[1] * active, np.where(active, bounds[2], 0.0))
     compared = 0
@@ -148,7 +130,7 @@ def test_equals_clarabel(rng, limits, push):
             np.testing.assert_array_equal(solution.force[i], 0.0)
             continue
         columns = case.wrench_map[i].reshape(6, 8, 3)[:, on].reshape(6, -1)
-        expected, cost = reference(columns, case.wrench[i], *(b[i, on] for b in bounds))
+        expected, cost = reference(columns, case.wrench[i], bounds[:, i, on])
         found = solution.force[i, on]
         # A wrench delivered by sticking points is delivered without regularisation.
         assert cost(found) <= cost(expected) + (1e-11 if solution.residual[i] > 0.0 else 1e-8)
@@ -174,7 +156,7 @@ def test_error_with_the_default_options(rng, limits):
         case, bounds = scene(rng, push, count=100), ContactLimits(*LIMITS[limits])
         exact, default = solve(case, bounds, **EXACT), solve(case, bounds)
         assert_feasible(default.force, *LIMITS[limits])
-        error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+        error = (default.wrench - exact.wrench) * SCALE / WEIGHT
         assert np.linalg.norm(error, axis=1).max() < TOLERANCE
         if push == 0.5 and limits != "friction":
             assert (default.iterations > MAX_ITERATIONS).any()
@@ -185,12 +167,11 @@ def test_every_problem_is_solved(rng, limits, push):
     """By its optimality condition, S^-1 y = w - G f with f the projection of G^T y / eps."""
     case = scene(rng, push, count=1000)
     found = solve(case, ContactLimits(*LIMITS[limits]))
-    scale = np.array([1.0, 1.0, 1.0, *[1.0 / LENGTH] * 3])
-    gradient = (found.wrench - case.wrench) * scale + REGULARISATION * found.dual
+    gradient = (found.wrench - case.wrench) * SCALE + REGULARISATION * found.dual
     slides = found.residual > 0.0
     assert slides.any()
     assert np.linalg.norm(gradient[slides], axis=1).max() < TOLERANCE * WEIGHT
-    free = np.matvec((case.wrench_map * scale[:, None]).mT, found.dual).reshape(found.force.shape)
+    free = np.matvec((case.wrench_map * SCALE[:, None]).mT, found.dual).reshape(found.force.shape)
     expected = project(free[slides], *LIMITS[limits])
     np.testing.assert_allclose(found.force[slides], expected, atol=1e-9 * WEIGHT)
 
@@ -199,8 +180,7 @@ def test_a_spent_budget_leaves_usable_forces(rng):
     """One Newton step a round: feasible, and no worse than the warm start's forces."""
     case, limits = scene(rng, 0.8, count=50), ContactLimits(0.6, 5.0, 90.0)
     warm = rng.normal(size=(50, 6)) * WEIGHT
-    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
-    maps, target = case.wrench_map * scale[:, None], case.wrench * scale
+    maps, target = case.wrench_map * SCALE[:, None], case.wrench * SCALE
     free = np.matvec(maps.mT, warm).reshape(50, 8, 3)
     start = project(free, 0.6, 5.0, 90.0)
     before = np.linalg.norm(np.matvec(maps, start.reshape(50, 24)) - target, axis=1) / WEIGHT
@@ -222,7 +202,7 @@ def test_a_warm_start_follows_a_moving_wrench(rng):
         iterations.append(solution.iterations)
     assert np.mean(iterations) < 3.0
     exact = solve(case._replace(wrench=wrench), limits, **EXACT)
-    error = (solution.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+    error = (solution.wrench - exact.wrench) * SCALE / WEIGHT
     assert np.linalg.norm(error, axis=1).max() < 2.0 * TOLERANCE
 
 
@@ -233,9 +213,8 @@ def test_infeasible_wrenches_are_reported(rng):
         [0.0, 0.0, 1.0, 30.0, -30.0, 30.0],  # huge moments
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     ):
-        solution = solve(
-            Scene(feet(rng, 3), np.tile(WEIGHT * np.array(wrench), (3, 1))), ContactLimits(0.7)
-        )
+        case = Scene(feet(rng, 3), np.tile(WEIGHT * np.array(wrench), (3, 1)))
+        solution = solve(case, ContactLimits(0.7))
         assert_feasible(solution.force, 0.7, 0.0, np.inf)
         assert all(np.isfinite(x).all() for x in solution)
         if any(wrench):
@@ -249,8 +228,7 @@ def test_without_contacts_there_are_no_forces(rng):
     case = scene(rng, 0.1)
     solution = solve(case, ContactLimits(0.7, 10.0), active=np.zeros((12, 8), bool))
     np.testing.assert_array_equal(solution.force, 0.0)
-    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
-    expected = np.linalg.norm(case.wrench * scale, axis=1) / WEIGHT
+    expected = np.linalg.norm(case.wrench * SCALE, axis=1) / WEIGHT
     np.testing.assert_allclose(solution.residual, expected)
     # Touchdown from there is as well solved as from nothing.
     landed = solve(case, ContactLimits(0.7, 10.0), warm_start=solution.dual)

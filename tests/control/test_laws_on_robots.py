@@ -17,6 +17,7 @@ from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.robots import Robot, zoo
+from tests.control.systems import forward
 
 ROBOTS = ("biped", "quadruped")
 
@@ -60,19 +61,10 @@ def scene(name: str, seed: int, count: int = 8) -> Scene:
     return Scene(qpos, qvel, active, (mass_matrix, bias, jacobian, solution.acceleration, drift))
 
 
-def truth(name: str, case: Scene, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Accelerations and contact forces J^T lambda, with Pinocchio's terms and dense algebra."""
+def truth(name: str, case: Scene, torque: np.ndarray) -> np.ndarray:
+    """Accelerations, with Pinocchio's terms and dense algebra."""
     dynamics = PinocchioDynamics(robots.load(name))
-    mass_matrix, bias, jacobian, drift = law_of(name, dynamics, *case[:3])
-    count, rows, nv = jacobian.shape
-    accelerations, forces = np.empty((count, nv)), np.empty((count, nv))
-    for i in range(count):
-        kkt = np.block([[mass_matrix[i], -jacobian[i].T], [jacobian[i], np.zeros((rows, rows))]])
-        right = np.concatenate([-bias[i], -drift[i]])
-        right[6:nv] += torque[i]
-        solution = np.linalg.lstsq(kkt, right, rcond=1e-11)[0]
-        accelerations[i], forces[i] = solution[:nv], jacobian[i].T @ solution[nv:]
-    return accelerations, forces
+    return forward(*law_of(name, dynamics, *case[:3]), torque)[0]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -80,45 +72,38 @@ def test_every_law_does_what_is_asked_if_it_knows_the_truth(name):
     """Eqs. (15), (7) and (8): one acceleration; (8) with the forces of any torque that gives it."""
     case = scene(name, seed=1)
     least = orthogonal_inverse_dynamics(*case.law)
-    squeezed = orthogonal_inverse_dynamics(
-        *case.law, torque_cost=np.linspace(0.1, 10.0, least.torque.shape[1])
-    )
+    cost = np.linspace(0.1, 10.0, least.torque.shape[1])
+    squeezed = orthogonal_inverse_dynamics(*case.law, torque_cost=cost)
     assert np.abs(squeezed.torque - least.torque).max() > 0.01
-    torques = [
-        least.torque,
-        squeezed.torque,
-        inertia_weighted(Equation(*case.law)).torque,
-        force_feedback(Equation(*case.law), least.contact_force).torque,
-        force_feedback(Equation(*case.law), squeezed.contact_force).torque,
-        estimated_force(Equation(*case.law), squeezed.torque).torque,
-    ]
-    scale = 1.0 + np.abs(case.law[3]).max()
-    for torque in torques:
-        achieved, _ = truth(name, case, torque)
+    equation, scale = Equation(*case.law), 1.0 + np.abs(case.law[3]).max()
+    for found, source in (
+        (least, least),
+        (squeezed, squeezed),
+        (inertia_weighted(equation), least),
+        (force_feedback(equation, least.contact_force), least),
+        (force_feedback(equation, squeezed.contact_force), squeezed),
+        (estimated_force(equation, squeezed.torque), squeezed),
+    ):
+        achieved = truth(name, case, found.torque)
         np.testing.assert_allclose(achieved, case.law[3], atol=1e-6 * scale)
-    for torque, source in zip(torques[2:], (least, least, squeezed, squeezed), strict=True):
-        np.testing.assert_allclose(torque, source.torque, atol=1e-6)
+        np.testing.assert_allclose(found.torque, source.torque, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_wrong_inertia_costs_eq_7_and_eq_15_the_same(name):
     """The error is N (N^T M N)^-1 N^T (dM a + dh) for both: the projection does not matter."""
-    case = scene(name, seed=3)
-    robot = robots.load(name)
-    rng = np.random.default_rng(3)
+    case, robot, rng = scene(name, seed=3), robots.load(name), np.random.default_rng(3)
     bodies = [robot.model.body(i).name for i in range(robot.base_body, robot.model.nbody)]
-    wrong = PinocchioDynamics(
-        robot,
-        mass_scale={body: float(rng.uniform(0.6, 1.4)) for body in bodies},
-        com_offset={body: rng.normal(0.0, 0.01, 3) for body in bodies},
-    )
+    mass = {body: float(rng.uniform(0.6, 1.4)) for body in bodies}
+    com = {body: rng.normal(0.0, 0.01, 3) for body in bodies}
+    wrong = PinocchioDynamics(robot, mass_scale=mass, com_offset=com)
     mass_matrix, bias, jacobian, drift = law_of(name, wrong, *case[:3])
     command = case.law[3]
     model = (mass_matrix, bias, jacobian, command, drift)
     orthogonal = orthogonal_inverse_dynamics(*model).torque
     weighted = inertia_weighted(Equation(*model)).torque
     np.testing.assert_allclose(weighted, orthogonal, atol=1e-6)
-    achieved, _ = truth(name, case, orthogonal)
+    achieved = truth(name, case, orthogonal)
     assert np.abs(achieved - command).max() > 0.3
     surplus = np.matvec(mass_matrix - case.law[0], command) + bias - case.law[1]
     for i in range(len(command)):
@@ -199,19 +184,12 @@ def test_what_limited_forces_give_is_what_is_promised(seed, base_priority):
     qvel = rng.normal(0.0, 0.3, (32, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     jacobian, drift = point_jacobian(contact_geometry(robot), terms)
-    solution = limited_inverse_dynamics(
-        terms.mass_matrix,
-        terms.bias,
-        jacobian,
-        rng.normal(0.0, 5.0, qvel.shape),
-        drift,
-        ContactLimits(0.6),
-        base_priority=base_priority,
-        length=robot.home_qpos[2],
-    )
+    command, size = rng.normal(0.0, 5.0, qvel.shape), robot.home_qpos[2]
+    law = (terms.mass_matrix, terms.bias, jacobian, command, drift, ContactLimits(0.6))
+    solution = limited_inverse_dynamics(*law, base_priority=base_priority, length=size)
     assert (solution.residual > 1e-2).any()
     given = np.matvec(jacobian.mT, solution.contact_force)
     given[:, 6:] += solution.torque
     needed = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
-    scale = robot.weight * np.array([1.0] * 3 + [robot.home_qpos[2]] * (robot.nv - 3))
+    scale = robot.weight * np.array([1.0] * 3 + [size] * (robot.nv - 3))
     np.testing.assert_allclose((needed - given) / scale, 0.0, atol=1e-8)

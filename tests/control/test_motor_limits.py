@@ -11,17 +11,10 @@ from fbid_gym.dynamics.contacts import point_positions, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.robots.drives import TorqueLine, least_and_most, torque_line
 from tests.control.cones import solved_by_clarabel
-from tests.control.test_whole_body import (
-    HZ,
-    Scene,
-    desired_of,
-    law_of,
-    scene_of,
-    torque_of,
-    with_line,
-)
+from tests.control.test_whole_body import Scene, desired_of, law_of, scene_of, torque_of, with_line
 
 FULL, FREE = 0.3, 6.0  # rad/s: scenes are slow
+HZ = 500
 
 
 def weakened(law: Law, share: float) -> Law:
@@ -76,13 +69,9 @@ def exact(law: Law, scene: Scene, row: int) -> float:
         rows += [own[:2] if capped else own[:1], own[2:]]
         limits += [np.array([-lowest, highest] if capped else [-lowest]), np.zeros(3)]
         cones += [clarabel.NonnegativeConeT(1 + capped), clarabel.SecondOrderConeT(3)]
-    found = solved_by_clarabel(
-        scale * by_force[:, :6].T,
-        constants.nearness * wrench / weight,
-        np.concatenate(rows),
-        np.concatenate(limits) / weight,
-        cones,
-    )
+    maps, target = scale * by_force[:, :6].T, constants.nearness * wrench / weight
+    own = np.concatenate(rows), np.concatenate(limits) / weight
+    found = solved_by_clarabel(maps, target, *own, cones)
     if found is None:
         return np.nan
     missed = scale[:, 0] * (by_force[:, :6].T @ (found * weight) - wrench)

@@ -21,11 +21,7 @@ EXACT = {"least_gain": 1e-4}
 def task_of(rng: np.random.Generator, system: Any, rows: int) -> tuple[np.ndarray, ...]:
     """J_t, Jdot_t v and a wanted acceleration, for a task that any free motion can serve."""
     count, nv = system.bias.shape
-    return (
-        rng.normal(size=(count, rows, nv)),
-        rng.normal(size=(count, rows)),
-        rng.normal(size=(count, rows)),
-    )
+    return rng.normal(size=(count, rows, nv)), *rng.normal(size=(2, count, rows))
 
 
 def velocities(
@@ -47,18 +43,10 @@ def test_equals_the_stacked_pseudo_inverse(make_system, rng, contacts, rows, wit
     system = make_system(contacts)
     task_jacobian, task_bias, task = task_of(rng, system, rows)
     reference = system.acceleration if with_reference else np.zeros_like(system.acceleration)
-    found = operational_space_acceleration(
-        system.jacobian,
-        system.jacobian_bias,
-        task_jacobian,
-        task_bias,
-        task,
-        reference if with_reference else None,
-        **EXACT,
-    )
-    kinematics = velocities(
-        system.jacobian, task_jacobian, task, reference if with_reference else None, **EXACT
-    )
+    last = task, (reference if with_reference else None)
+    given = system.jacobian, system.jacobian_bias, task_jacobian, task_bias, *last
+    found = operational_space_acceleration(*given, **EXACT)
+    kinematics = velocities(system.jacobian, task_jacobian, *last, **EXACT)
     for i, jacobian in enumerate(system.jacobian):
         stacked = np.concatenate([jacobian, task_jacobian[i]])
         inverse = np.linalg.pinv(stacked, rcond=1e-9)
@@ -134,9 +122,8 @@ def test_weak_directions_fade_out_as_promised():
     least, gains = 0.05, np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 4000)])
     task_jacobian = np.zeros((len(gains), 2, 8))
     task_jacobian[:, 0, 3], task_jacobian[:, 1, 5] = gains, 1.0
-    found = velocities(
-        np.zeros((len(gains), 0, 8)), task_jacobian, np.ones((len(gains), 2)), least_gain=least
-    )
+    nothing, task = np.zeros((len(gains), 0, 8)), np.ones((len(gains), 2))
+    found = velocities(nothing, task_jacobian, task, least_gain=least)
     share = gains * found.motion[:, 3]
     y = np.minimum(gains / least, 1.0)
     np.testing.assert_allclose(share, y**2 / (1.0 - y**2 + y**4), atol=1e-9)
@@ -207,12 +194,6 @@ def test_eq_20_pulls_towards_the_target():
     found = task_acceleration(desired, position, velocity, 9.0, 6.0)
     np.testing.assert_allclose(found, [[9.0 * 0.5 - 0.6, -9.0 * 0.5 + 1.2]])
     gains = np.array([9.0, 4.0]), np.array([6.0, 4.0])
-    found = task_acceleration(
-        desired,
-        position,
-        velocity,
-        *gains,
-        desired_velocity=velocity,
-        desired_acceleration=np.array([[1.0, 1.0]]),
-    )
+    moving = {"desired_velocity": velocity, "desired_acceleration": np.ones((1, 2))}
+    found = task_acceleration(desired, position, velocity, *gains, **moving)
     np.testing.assert_allclose(found, [[5.5, -1.0]])

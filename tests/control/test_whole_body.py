@@ -49,10 +49,14 @@ class Scene(NamedTuple):
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))
-    law = Law.of(robot, HZ, contact, gains, moment_priority)
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
-    line = law.constants.motors.line._replace(torque=np.full(robot.num_joints, 1e9))
-    return with_line(law, line)
+    return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
+
+
+def boundless(law: Law) -> Law:
+    """The law with motors that give every torque."""
+    line = law.constants.motors.line
+    return with_line(law, line._replace(torque=np.full(law.robot.num_joints, 1e9)))
 
 
 def with_line(law: Law, line: TorqueLine) -> Law:
@@ -68,6 +72,14 @@ def planted_sets(robot: Robot) -> np.ndarray:
     return np.array([[foot in chosen for foot in feet] for chosen in sets])
 
 
+def standing(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, *asked: np.ndarray) -> Scene:
+    """Robots in a state, on all feet; accelerations asked of all coordinates and of the body."""
+    count, terms = len(qpos), MuJoCoDynamics(robot).terms(qpos, qvel)
+    force, tick = np.zeros((count, robot.num_points, 3)), np.zeros(count, np.int64)
+    state, target = RobotState(qpos, qvel, force, tick), standing_target(terms, robot.home_qpos)
+    return Scene(robot, state, terms, target, Command(*asked, np.empty((0, 6))))
+
+
 def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: int = 2) -> Scene:
     """Robots on bent legs that move and are turned, on every set of feet.
 
@@ -79,8 +91,7 @@ def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: in
     """
     planted = np.repeat(planted_sets(robot), each, axis=0)
     count = len(planted)
-    qpos = bent(robot)[None]
-    qpos = np.repeat(qpos, count, axis=0)
+    qpos = np.repeat(bent(robot)[None], count, axis=0)
     noise = 0.1 * min(size, 1.0)
     qpos[:, 7:] += noise * rng.normal(size=(count, robot.num_joints))
     qpos[:, :3] += rng.normal(size=(count, 3))
@@ -88,16 +99,15 @@ def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: in
         mujoco.mju_mulQuat(row[3:7], turn + [1.0, 0.0, 0.0, 0.0], row[3:7].copy())
         row[3:7] /= np.linalg.norm(row[3:7])
     qvel = 0.1 * min(size, 3.0) * rng.normal(size=(count, robot.nv))
-    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    target = standing_target(terms, robot.home_qpos)
+    scene = standing(robot, qpos, qvel, np.empty((count, robot.nv)), np.empty((count, 6)))
+    target = scene.target
     target.planted[:], target.load[:] = planted, planted
     target.foot_position[:] += 0.02 * rng.normal(size=target.foot_position.shape)
     target.foot_velocity[:] = 0.1 * size * rng.normal(size=target.foot_velocity.shape)
     target.foot_acceleration[:] = size * rng.normal(size=target.foot_acceleration.shape)
-    force, tick = np.zeros((count, robot.num_points, 3)), np.zeros(count, np.int64)
-    reference, body = size * rng.normal(size=(count, robot.nv)), size * rng.normal(size=(count, 6))
-    command = Command(reference, body, np.empty((0, 6)))
-    return Scene(robot, RobotState(qpos, qvel, force, tick), terms, target, command)
+    for asked in scene.command[:2]:
+        asked[:] = size * rng.normal(size=asked.shape)
+    return scene
 
 
 def desired_of(law: Law, scene: Scene) -> np.ndarray:
@@ -118,17 +128,10 @@ def asked_of_feet(law: Law, scene: Scene) -> np.ndarray:
     """(N, F, 6) acceleration of the feet: springs to their target, or nothing but to stay."""
     gains, target, terms = law.constants.gains, scene.target, scene.terms
     left = terms.world_from_foot.mT @ target.world_from_foot
-    sine = 0.5 * np.stack(
-        [
-            left[..., 2, 1] - left[..., 1, 2],
-            left[..., 0, 2] - left[..., 2, 0],
-            left[..., 1, 0] - left[..., 0, 1],
-        ],
-        axis=-1,
-    )
-    gap = np.concatenate(
-        [target.foot_position - terms.foot_position, np.matvec(terms.world_from_foot, sine)], -1
-    )
+    skewed = 0.5 * (left - left.mT)
+    sine = np.stack([skewed[..., 2, 1], skewed[..., 0, 2], skewed[..., 1, 0]], axis=-1)
+    turn = np.matvec(terms.world_from_foot, sine)
+    gap = np.concatenate([target.foot_position - terms.foot_position, turn], -1)
     late = target.foot_velocity - terms.foot_velocity
     swing = target.foot_acceleration + gains.swing * gap + gains.swing_damping * late
     stand = -gains.hold * terms.foot_velocity
@@ -283,9 +286,7 @@ def test_on_two_points_moments_are_traded_for_forces():
         desired = desired_of(law, pairs)
         late = np.array([forward(pairs, law, torque, i)[0] for i in range(len(torque))]) - desired
         wrench = np.matvec(pairs.terms.mass_matrix[:, :6], late)
-        missed.append(
-            [np.linalg.norm(wrench[:, :3], axis=1), np.linalg.norm(wrench[:, 3:], axis=1)]
-        )
+        missed.append([np.linalg.norm(part, axis=1) for part in np.split(wrench, 2, axis=1)])
     force, moment = np.moveaxis(np.array(missed), 1, 0)
     slack = 1e-3 * robot.weight
     assert (np.diff(force, axis=0) > -slack).all() and (np.diff(moment, axis=0) < slack).all()
@@ -376,13 +377,8 @@ def straightening(robot: Robot, steps: int) -> Scene:
     start, straight = bent(robot), np.zeros(robot.num_joints)
     qpos = np.repeat(start[None], steps, axis=0)
     qpos[:, 7:] += np.linspace(0.0, 1.1, steps)[:, None] * (straight - start[7:])
-    qvel = np.full((steps, robot.nv), 0.1)
-    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    force, tick = np.zeros((steps, robot.num_points, 3)), np.zeros(steps, np.int64)
-    state = RobotState(qpos, qvel, force, tick)
-    body = np.tile([0.5, -0.3, 1.0, 0.4, -0.2, 0.3], (steps, 1))
-    command = Command(np.zeros((steps, robot.nv)), body, np.empty((0, 6)))
-    return Scene(robot, state, terms, standing_target(terms, robot.home_qpos), command)
+    still, body = np.zeros((steps, robot.nv)), np.tile([0.5, -0.3, 1.0, 0.4, -0.2, 0.3], (steps, 1))
+    return standing(robot, qpos, still + 0.1, still, body)
 
 
 def test_torques_go_through_straight_knees(robot):
@@ -405,11 +401,7 @@ def test_contacts_that_are_given_up_are_reported(rng):
     qpos = np.tile(robot.home_qpos, (count, 1))
     qpos[:, 7:] += 0.05 * rng.normal(size=(count, robot.num_joints))
     qvel = 0.1 * rng.normal(size=(count, robot.nv))
-    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    force, tick = np.zeros((count, robot.num_points, 3)), np.zeros(count, np.int64)
-    command = Command(np.zeros((count, robot.nv)), np.zeros((count, 6)), np.empty((0, 6)))
-    target = standing_target(terms, robot.home_qpos)
-    scene = Scene(robot, RobotState(qpos, qvel, force, tick), terms, target, command)
+    scene = standing(robot, qpos, qvel, np.zeros((count, robot.nv)), np.zeros((count, 6)))
     _, residual = torque_of(law, scene)
     jacobian, bias = rows_of(scene, law)
     moved = np.linalg.norm(np.matvec(jacobian, desired_of(law, scene)) + bias, axis=1)

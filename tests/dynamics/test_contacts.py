@@ -55,9 +55,8 @@ def test_point_bias_is_the_rate_of_point_velocity_at_constant_velocity(robot, ge
     _, bias = point_jacobian(geometry, MuJoCoDynamics(robot).terms(qpos, qvel))
     for index in range(len(qpos)):
         # The lowered point is found anew at every instant: a sphere rolls.
-        expected = rate(
-            robot, qpos[index], qvel[index], lambda *state: mujoco_points(robot, *state)[1].ravel()
-        )
+        speed = lambda *state: mujoco_points(robot, *state)[1].ravel()  # noqa: E731
+        expected = rate(robot, qpos[index], qvel[index], speed)
         assert np.abs(expected).max() > 0.1
         np.testing.assert_allclose(bias[index], expected, rtol=1e-6, atol=1e-6)
 

@@ -19,6 +19,17 @@ def robot(request):
     return robot_called(request.param)
 
 
+def assert_row(terms, row, model, data, base):
+    """One robot's terms are those of its data."""
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    expected = {"mass_matrix": matrix, "bias": data.qfrc_bias, "base_position": data.xpos[base]}
+    expected |= {"world_from_base": data.xmat[base].reshape(3, 3), "com": data.subtree_com[base]}
+    expected |= {"com_velocity": data.subtree_linvel[base]}
+    for name, value in expected.items():
+        assert relative_error(getattr(terms, name)[row], value) < EXACT, name
+
+
 def forwarded(model, qpos, qvel):
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = qpos, qvel
@@ -30,21 +41,9 @@ def forwarded(model, qpos, qvel):
 def test_terms_are_mujocos(robot):
     qpos, qvel = random_states(robot.model, 4)
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    base = robot.base_body
     for index in range(4):
         data = forwarded(robot.model, qpos[index], qvel[index])
-        matrix = np.zeros((robot.nv, robot.nv))
-        mujoco.mj_fullM(robot.model, data, matrix)
-        expected = {
-            "mass_matrix": matrix,
-            "bias": data.qfrc_bias,
-            "base_position": data.xpos[base],
-            "world_from_base": data.xmat[base].reshape(3, 3),
-            "com": data.subtree_com[base],
-            "com_velocity": data.subtree_linvel[base],
-        }
-        for name, value in expected.items():
-            assert relative_error(getattr(terms, name)[index], value) < EXACT, name
+        assert_row(terms, index, robot.model, data, robot.base_body)
 
 
 def test_the_batch_changes_nothing(robot):
@@ -75,14 +74,9 @@ def test_robots_of_different_masses(robot, rng):
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
     terms = live()
     for index in range(3):
-        data = forwarded(batch.get_model(index), qpos[index], qvel[index])
-        base = robot.base_body
-        matrix = np.zeros((robot.nv, robot.nv))
-        mujoco.mj_fullM(batch.get_model(index), data, matrix)
-        assert relative_error(terms.mass_matrix[index], matrix) < EXACT
-        assert relative_error(terms.bias[index], data.qfrc_bias) < EXACT
-        assert relative_error(terms.com[index], data.subtree_com[base]) < EXACT
-        assert relative_error(terms.com_velocity[index], data.subtree_linvel[base]) < EXACT
+        model = batch.get_model(index)
+        data = forwarded(model, qpos[index], qvel[index])
+        assert_row(terms, index, model, data, robot.base_body)
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -113,9 +107,7 @@ def test_bias_has_no_joint_damping():
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     data = forwarded(robot.model, qpos[1], qvel[1])
     # M vdot + h = applied + passive forces, without contact.
-    acceleration = np.zeros(robot.nv)
-    mujoco.mj_solveM(
-        robot.model, data, acceleration[None], (data.qfrc_passive - terms.bias[1])[None]
-    )
+    acceleration, force = np.zeros(robot.nv), data.qfrc_passive - terms.bias[1]
+    mujoco.mj_solveM(robot.model, data, acceleration[None], force[None])
     np.testing.assert_allclose(acceleration, data.qacc_smooth, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(data.qfrc_passive[6:], -robot.joint_damping * qvel[1, 6:])

@@ -28,12 +28,9 @@ def states(model):
 
 def to_pinocchio(model, qpos, qvel):
     rotation = frames.quaternion_to_matrix(qpos[3:7])
-    return (
-        frames.configuration_to_pinocchio(qpos, model.qpos0),
-        frames.velocity_to_pinocchio(qvel, rotation),
-        frames.velocity_product(qvel, rotation),
-        rotation,
-    )
+    q = frames.configuration_to_pinocchio(qpos, model.qpos0)
+    v, a = frames.velocity_to_pinocchio(qvel, rotation), frames.velocity_product(qvel, rotation)
+    return q, v, a, rotation
 
 
 def test_bodies_are_mujocos(model, states):
@@ -74,9 +71,8 @@ def test_armature_of_actuators_is_in_the_mass_matrix():
     mujoco.mj_fullM(model, data, expected)
     q, _, _, rotation = to_pinocchio(model, data.qpos, data.qvel)
     pin_model = pinocchio_model(model)
-    actual = frames.mass_matrix_from_pinocchio(
-        pin.crba(pin_model, pin_model.createData(), q), rotation
-    )
+    matrix = pin.crba(pin_model, pin_model.createData(), q)
+    actual = frames.mass_matrix_from_pinocchio(matrix, rotation)
     np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
     assert not np.allclose(pin_model.armature, model.dof_armature)
 
@@ -94,13 +90,12 @@ TREE = """
   </worldbody>
   {rest}
 </mujoco>"""
-PARTS = {
-    "before": "",
-    "base": "<freejoint/>",
-    "joint": '<joint name="hinge" axis="0 1 0"/>',
-    "after": "",
-    "rest": "",
-}
+PARTS = {"before": "", "base": "<freejoint/>", "after": "", "rest": ""}
+PARTS |= {"joint": '<joint name="hinge" axis="0 1 0"/>'}
+CABLE = '<tendon><fixed name="cable"{}><joint joint="hinge" coef="1"/></fixed></tendon>'
+WINCH = '<actuator><motor name="winch" tendon="cable" armature="1"/></actuator>'
+ARMATURE = "has armature.* Expected armature on joints"
+LOOP = '<equality><joint joint1="hinge"/></equality>'
 CRATE = '<body name="crate" pos="1 0 0">{}<geom size="0.1"/></body>'
 
 
@@ -111,24 +106,9 @@ CRATE = '<body name="crate" pos="1 0 0">{}<geom size="0.1"/></body>'
         ({"after": CRATE.format("<freejoint/>")}, r"positions \[0, 2\] .* Expected exactly one"),
         ({"before": CRATE.format("<joint/>")}, r"positions \[1\] .* before all other joints"),
         ({"joint": '<joint name="hip" type="ball"/>'}, "'hip' is a ball joint. Expected hinge"),
-        (
-            {"rest": '<equality><joint joint1="hinge"/></equality>'},
-            "1 equality constraints.* Expected a tree",
-        ),
-        (
-            {
-                "rest": '<tendon><fixed name="cable" armature="1">'
-                '<joint joint="hinge" coef="1"/></fixed></tendon>'
-            },
-            "Tendon 'cable' has armature.* Expected armature on joints",
-        ),
-        (
-            {
-                "rest": '<tendon><fixed name="cable"><joint joint="hinge" coef="1"/></fixed>'
-                '</tendon><actuator><motor name="winch" tendon="cable" armature="1"/></actuator>'
-            },
-            "Actuator 'winch' has armature.* Expected armature on joints",
-        ),
+        ({"rest": LOOP}, "1 equality constraints.* Expected a tree"),
+        ({"rest": CABLE.format(' armature="1"')}, f"Tendon 'cable' {ARMATURE}"),
+        ({"rest": CABLE.format("") + WINCH}, f"Actuator 'winch' {ARMATURE}"),
     ],
 )
 def test_what_cannot_be_represented_is_refused(part, message):

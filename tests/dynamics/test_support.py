@@ -63,11 +63,8 @@ def test_the_frame_goes_with_the_robot(robot, support, rng):
         after = frames(robot, support, moved)
         np.testing.assert_allclose(after.centre, before.centre @ rotation.T + shift, atol=1e-12)
         # A single point has no heading of its own: its frame keeps the world's.
-        expected = (
-            rotation @ before.world_from_support
-            if robot.num_points > 1
-            else before.world_from_support
-        )
+        turning = rotation if robot.num_points > 1 else np.eye(3)
+        expected = turning @ before.world_from_support
         np.testing.assert_allclose(after.world_from_support, expected, atol=1e-12)
 
 
@@ -75,13 +72,11 @@ def test_the_heading_fits_the_points_best(robot, support, rng):
     """Planar Procrustes: no other heading brings the home layout nearer to the points."""
     qpos, _ = turned(near_home(robot, rng, 4, size=0.4), 1.1, np.zeros(3))
     dynamics, geometry = MuJoCoDynamics(robot), contact_geometry(robot)
-    home = point_positions(
-        geometry, dynamics.terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    )[0]
+    home = points(robot, posed(robot))
     terms = dynamics.terms(qpos, np.zeros((4, robot.nv)))
-    points = point_positions(geometry, terms)
+    places = point_positions(geometry, terms)
     layout = (home - home.mean(axis=0))[:, :2]
-    now = (points - points.mean(axis=1, keepdims=True))[..., :2]
+    now = (places - places.mean(axis=1, keepdims=True))[..., :2]
     headings = np.linspace(-np.pi, np.pi, 20001)
     cosine, sine = np.cos(headings), np.sin(headings)
     turns = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 0, 1)
@@ -96,10 +91,9 @@ def test_the_heading_fits_the_points_best(robot, support, rng):
 
 def test_margins_are_how_far_the_centre_of_pressure_can_go(robot, support):
     """A linear programme: how far along an axis some shares of the load on the points reach."""
-    geometry = contact_geometry(robot)
-    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    points = point_positions(geometry, terms)[0]
-    layout = (points - points.mean(axis=0))[:, :2] - support.home_com[:2]
+    places = points(robot, posed(robot))
+    apart = (places - places.mean(axis=0))[:, :2]
+    layout = apart - support.home_com[:2]
     for axis in range(2):
         # Shares s >= 0 with sum 1 and layout^T s = distance * direction.
         reach = []
@@ -110,6 +104,4 @@ def test_margins_are_how_far_the_centre_of_pressure_can_go(robot, support):
             found = linprog(cost, A_eq=equations, b_eq=[0.0, 0.0, 1.0])
             reach.append(found.x[-1] if found.success else 0.0)
         assert support.margin[axis] == pytest.approx(max(min(reach), 0.0), abs=1e-9)
-    assert support.radius == pytest.approx(
-        np.mean([np.hypot(*(p - points.mean(axis=0))[:2]) for p in points])
-    )
+    assert support.radius == pytest.approx(np.hypot(*apart.T).mean())

@@ -1,23 +1,17 @@
 """Without any policy, the base_acceleration layer keeps the biped on its feet."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
+
+from tests.batches import begun
 
 
 @pytest.mark.slow
 def test_the_zero_action_survives_pushes_of_100_newtons_from_any_side():
     """5 s under pushes of 100 N for 150 ms, at least 95 of 100 episodes: of 60, three may fall."""
-    env = gym.make_vec(
-        "fbid_gym:fbid_gym/BipedBalance-v0",
-        num_envs=60,
-        num_threads=2,
-        action_layer="base_acceleration",
-        push_force=(100.0, 100.0),
-        push_duration=0.15,
-        episode_seconds=5.0,
-    )
-    env.reset(seed=0)
+    given = {"num_threads": 2, "action_layer": "base_acceleration", "episode_seconds": 5.0}
+    given |= {"push_force": (100.0, 100.0), "push_duration": 0.15}
+    env = begun("fbid_gym:fbid_gym/BipedBalance-v0", 60, **given)
     fallen, pushes = np.zeros(60, bool), []
     for _ in range(250):
         *_, terminated, _, info = env.step(np.zeros(env.action_space.shape))

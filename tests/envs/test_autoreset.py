@@ -7,10 +7,10 @@ from gymnasium.vector import AutoresetMode
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
-from tests.batches import assert_same
+from tests.batches import assert_same, begun
 from tests.pairs import pairs
 
-NUM_ENVS = 4
+NUM_ENVS, BIPED = 4, next(iter(ENVIRONMENTS))
 ARGUMENTS = {"action_layer": "torque", "episode_seconds": 0.44}
 
 
@@ -23,13 +23,8 @@ def thrown(rng, shape):
 
 def both(name, mode):
     ours = gym.make_vec(name, num_envs=NUM_ENVS, autoreset_mode=mode.name, **ARGUMENTS)
-    theirs = gym.make_vec(
-        name,
-        num_envs=NUM_ENVS,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": mode},
-        **ARGUMENTS,
-    )
+    sync = {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": mode}}
+    theirs = gym.make_vec(name, num_envs=NUM_ENVS, **sync, **ARGUMENTS)
     assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"] == mode
     return ours, theirs
 
@@ -69,12 +64,10 @@ def test_like_gymnasiums_sync_vector_env(name, mode, rng):
         falls, cuts = falls + terminated.sum(), cuts + truncated.sum()
         if mode == AutoresetMode.DISABLED and (terminated | truncated).any():
             mask = terminated | truncated
-            seeds = [17, None, 19, None]
-            options = ({"reset_mask": mask.copy()} for _ in range(2))
-            resets = [
-                env.reset(seed=seeds, options=choice)[0]
-                for env, choice in zip((ours, theirs), options, strict=True)
-            ]
+            resets = []
+            for env in (ours, theirs):
+                asked = {"reset_mask": mask.copy()}
+                resets.append(env.reset(seed=[17, None, 19, None], options=asked)[0])
             np.testing.assert_array_equal(*resets)
             if mask.any():
                 np.testing.assert_array_equal(resets[0][~mask], one[0][~mask])
@@ -85,10 +78,7 @@ def test_like_gymnasiums_sync_vector_env(name, mode, rng):
 
 def test_final_info_keeps_the_torque_of_the_last_step():
     """It is the torque that ended the episode, though the reset has forgotten it."""
-    env = gym.make_vec(
-        next(iter(ENVIRONMENTS)), num_envs=2, autoreset_mode="SAME_STEP", **ARGUMENTS
-    )
-    env.reset(seed=0)
+    env = begun(BIPED, 2, autoreset_mode="SAME_STEP", **ARGUMENTS)
     action = np.full(env.action_space.shape, 0.3, np.float32)
     info = {}
     while "final_info" not in info:
@@ -98,8 +88,7 @@ def test_final_info_keeps_the_torque_of_the_last_step():
 
 
 def test_seeds_in_every_form():
-    name = next(iter(ENVIRONMENTS))
-    env = gym.make_vec(name, num_envs=3, action_layer="torque")
+    env = gym.make_vec(BIPED, num_envs=3, action_layer="torque")
     counted = env.reset(seed=5)[0]
     np.testing.assert_array_equal(env.reset(seed=[5, 6, 7])[0], counted)
     for same in (np.int64(5), np.array([5, 6, 7]), (5, np.int64(6), np.uint8(7))):
@@ -129,8 +118,7 @@ def test_seeds_in_every_form():
 
 @pytest.mark.parametrize("bad", [[8, -1, 5], [8, 5, 0.5], [8, True, 5], "123", {8, 5, 1}, -1])
 def test_what_is_no_seed_seeds_nothing(bad):
-    env = gym.make_vec(next(iter(ENVIRONMENTS)), num_envs=3, action_layer="torque")
-    env.reset(seed=5)
+    env = begun(BIPED, 3, 5, action_layer="torque")
     before = env.chunks.state_dict()
     with pytest.raises(InvalidValueError, match="Invalid seed.* Expected a whole number of at lea"):
         env.reset(seed=bad)
@@ -138,16 +126,15 @@ def test_what_is_no_seed_seeds_nothing(bad):
 
 
 def test_without_an_episode_there_is_no_step():
-    name = next(iter(ENVIRONMENTS))
-    alone = gym.make(name, action_layer="torque").unwrapped
+    alone = gym.make(BIPED, action_layer="torque").unwrapped
     with pytest.raises(FbidError, match=r"There is no episode to step: call reset\(\)"):
         alone.step(np.zeros(alone.action_space.shape))
     arguments = {"num_envs": 2, "action_layer": "torque", "episode_seconds": 0.1}
-    env = gym.make_vec(name, **arguments)
+    env = gym.make_vec(BIPED, **arguments)
     with pytest.raises(FbidError, match=r"Environments \[0, 1\] have no episode .* call reset\(\)"):
         env.step(np.zeros(env.action_space.shape))
     for mode in ("SAME_STEP", "DISABLED"):
-        env = gym.make_vec(name, **arguments, autoreset_mode=mode)
+        env = gym.make_vec(BIPED, **arguments, autoreset_mode=mode)
         env.reset(seed=0, options={"reset_mask": np.array([True, False])})
         with pytest.raises(FbidError, match=r"Environments \[1\] have no episode"):
             env.step(np.zeros(env.action_space.shape))

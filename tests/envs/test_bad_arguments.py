@@ -25,7 +25,7 @@ from fbid_gym.robots import load
 from fbid_gym.runtime.config import Drawing, EnvConfig
 from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.tasks import TASKS, Pushes, Start, make_task
-from tests.batches import assert_same
+from tests.batches import assert_same, begun
 
 BIPED = "fbid_gym/BipedBalance-v0"
 ROBOT_OF = {"crawl": "quadruped", "walk": "go1"}
@@ -92,22 +92,13 @@ def test_values_by_name_refuse_nonsense_by_name():
 def tried():
     """Each option with the door by which its values get in."""
     pushes, start = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)), Start()
-
-    def own(name, value):
-        EnvConfig.of({name: value})
-
-    def randomised(name, value):
-        EnvConfig.of({"randomisation": {name: value}})
-
     for option in options_of(EnvConfig).values():
         if option.kind is not None:
-            yield "environment", option, own
+            yield "environment", option, lambda name, value: EnvConfig.of({name: value})
     for option in options_of(Randomisation).values():
-        yield "randomisation", option, randomised
-
+        yield "randomisation", option, lambda n, value: EnvConfig.of({"randomisation": {n: value}})
     for option in options_of(Sensors).values():
         yield "sensors", option, lambda name, value: EnvConfig.of({"sensors": {name: value}})
-
     for option in options_of(Drawing).values():
         if option.kind is not None:
             yield "drawing", option, lambda name, value: Drawing(**{name: value})
@@ -201,8 +192,7 @@ def test_episodes_of_many_robots_have_bounds_too(num_threads):
 
 @pytest.fixture(scope="module")
 def envs():
-    made = gym.make_vec(BIPED, num_envs=2, action_layer="torque")
-    made.reset(seed=0)
+    made = begun(BIPED, 2, action_layer="torque")
     return made
 
 

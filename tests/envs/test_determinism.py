@@ -7,6 +7,7 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.batches import begun
 from tests.envs.cases import BIPED, CASES
 from tests.pairs import pairs
 from tests.postures import turned
@@ -48,13 +49,9 @@ def turned_state(state, heading):
     """The state of environments turned about the world's vertical, with the pushes to come."""
     result = {name: value.copy() for name, value in state.items()}
     result["simulation.qpos"], rotation = turned(state["simulation.qpos"], heading)
-    for name, part in (
-        ("simulation.qvel", slice(0, 3)),
-        ("simulation.qacc_warmstart", slice(0, 3)),
-        ("simulation.contact_force", slice(None)),
-        ("plan.push_force", slice(None)),
-    ):
-        result[name][..., part] = state[name][..., part] @ rotation.T
+    own = [f"simulation.{name}" for name in ("qvel", "qacc_warmstart", "contact_force")]
+    for name in (*own, "plan.push_force"):
+        result[name][..., :3] = state[name][..., :3] @ rotation.T
     return result
 
 
@@ -73,9 +70,7 @@ def test_heading_does_not_matter(name, layer):
     """
     push = 0.1 * load(ENVIRONMENTS[name]["robot"]).weight
     arguments = {"action_layer": layer, "push_interval": (0.15, 0.25), "push_force": (push, push)}
-    straight, turned = (gym.make_vec(name, num_envs=4, **arguments) for _ in range(2))
-    straight.reset(seed=2)
-    turned.reset(seed=2)
+    straight, turned = (begun(name, 4, 2, **arguments) for _ in range(2))
     for _ in range(4):
         straight.step(np.zeros(straight.action_space.shape))
     turned.chunks.load_state_dict(turned_state(straight.chunks.state_dict(), 2.4))

@@ -7,6 +7,7 @@ import pytest
 import fbid_gym
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from tests.batches import begun
 from tests.pairs import pairs
 
 BIPED = next(iter(ENVIRONMENTS))
@@ -18,25 +19,16 @@ CASES = [(layer, {}) for layer in LAYERS] + [
 ]
 
 
-def break_velocity(simulation, size):
-    simulation.qvel[1] = size
+# Entries of the second robot, what is put there, and before which step.
+BREAKAGES = [("qvel", ..., *how) for how in ((np.nan, 3), (1e4, 3), (1e12, 0))]
+BREAKAGES += [("qpos", 9, np.nan, 3)]
 
 
-def break_position(simulation, size):
-    simulation.qpos[1, 9] = size
-
-
-BREAKAGES = [
-    (break_velocity, np.nan, 3),
-    (break_velocity, 1e4, 3),
-    (break_velocity, 1e12, 0),
-    (break_position, np.nan, 3),
-]
-
-
-@pytest.mark.parametrize(("layer", "options", "breakage", "size", "when"), pairs(CASES, BREAKAGES))
+@pytest.mark.parametrize(
+    ("layer", "options", "field", "entry", "size", "when"), pairs(CASES, BREAKAGES)
+)
 def test_the_others_do_not_notice(
-    layer, options, breakage, size, when, rng, tmp_path, monkeypatch, capfd
+    layer, options, field, entry, size, when, rng, tmp_path, monkeypatch, capfd
 ):
     monkeypatch.chdir(tmp_path)
     arguments = {"num_envs": 3, "action_layer": layer, **options}
@@ -47,7 +39,7 @@ def test_the_others_do_not_notice(
     for step in range(6):
         action = rng.uniform(-0.2, 0.2, broken.action_space.shape)
         if step == when:
-            breakage(broken.chunks.batches[0].simulation, size)
+            getattr(broken.chunks.batches[0].simulation, field)[1, entry] = size
         ours, theirs = broken.step(action), whole.step(action)
         for value, expected in zip(ours[:4], theirs[:4], strict=True):
             np.testing.assert_array_equal(value[others], expected[others])
@@ -92,8 +84,7 @@ def test_each_interface_reports_it():
 def test_the_hardest_legal_actions_are_no_divergence(rng):
     """Full torque back and forth throws robots about, but that is a fall, not a breakdown."""
     for name in list(ENVIRONMENTS)[::3]:
-        env = gym.make_vec(name, num_envs=16, action_layer="torque", autoreset_mode="SAME_STEP")
-        env.reset(seed=0)
+        env = begun(name, 16, action_layer="torque", autoreset_mode="SAME_STEP")
         falls = 0
         for _ in range(60):
             action = rng.choice([-1.0, 1.0], env.action_space.shape)
@@ -108,15 +99,11 @@ def test_the_hardest_legal_actions_are_no_divergence(rng):
 @pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP"])
 def test_its_metrics_are_the_last_that_it_had(mode):
     """Not those of the home pose in which it waits: who diverges has not walked for nothing."""
-    env = gym.make_vec(
-        "fbid_gym/QuadrupedWalk-v0", num_envs=2, action_layer="torque", autoreset_mode=mode
-    )
-    env.reset(seed=0)
+    env = begun("fbid_gym/QuadrupedWalk-v0", 2, action_layer="torque", autoreset_mode=mode)
     nothing = np.zeros(env.action_space.shape)
     for _ in range(5):
         *_, before = env.step(nothing)
-    again = gym.make_vec("fbid_gym/QuadrupedWalk-v0", num_envs=2, action_layer="torque")
-    again.reset(seed=1)
+    again = begun("fbid_gym/QuadrupedWalk-v0", 2, 1, action_layer="torque")
     again.chunks.load_state_dict(env.chunks.state_dict())
     for each in (env, again):
         each.chunks.batches[0].simulation.qvel[1] = np.nan

@@ -2,7 +2,6 @@
 
 import copy
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
@@ -13,20 +12,17 @@ from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.runtime.randomisation import Randomisation
+from tests.batches import begun
 from tests.pairs import pairs
 from tests.robots.test_source_urdf import urdf
 
 PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}
 MODEL = {"model_mass": 0.2, "model_com": 0.01}
-_VARIED = (
-    *("body_mass", "body_inertia", "body_ipos"),
-    *("geom_friction", "pair_friction", "actuator_gear"),
-)
+_VARIED = "body_mass body_inertia body_ipos geom_friction pair_friction actuator_gear".split()
 
 
 def build(name, randomisation, num_envs=6, **arguments):
-    env = gym.make_vec(name, num_envs=num_envs, randomisation=randomisation, **arguments)
-    env.reset(seed=3)
+    env = begun(name, num_envs, 3, randomisation=randomisation, **arguments)
     return env, env.chunks.batches[0]
 
 
@@ -134,11 +130,9 @@ def test_the_controller_believes_in_a_model_of_its_own(name):
     for index in range(3):
         masses, shifts = drawn["model_mass"][index, moving], drawn["model_com"][index, moving]
         assert 0.8 <= masses.min() and masses.max() <= 1.2 and np.abs(shifts).max() <= 0.01
-        nominal = PinocchioDynamics(
-            robot,
-            mass_scale=dict(zip(names, masses, strict=True)),
-            com_offset=dict(zip(names, shifts, strict=True)),
-        ).terms(simulation.qpos[index : index + 1], simulation.qvel[index : index + 1])
+        mass, com = (dict(zip(names, values, strict=True)) for values in (masses, shifts))
+        dynamics = PinocchioDynamics(robot, mass_scale=mass, com_offset=com)
+        nominal = dynamics.terms(simulation.qpos[index][None], simulation.qvel[index][None])
         for field in nominal._fields:
             expected, ours = getattr(nominal, field)[0], getattr(believed, field)[index]
             scale = max(np.abs(expected).max(), 1e-3)
@@ -208,10 +202,8 @@ def test_a_delayed_action_is_the_same_action_later(layer, ticks, rng):
     """Against a policy as fast as the control, which sends each action those ticks later."""
     name, seconds = "fbid_gym/QuadrupedWalk-v0", (ticks / 250, ticks / 250)
     steering = {"action_layer": layer, "layer_options": {"footholds": True}}
-    late = gym.make(name, **steering, randomisation={"action_delay": seconds})
-    fast = gym.make(name, **steering, policy_hz=250)
-    late.reset(seed=4)
-    fast.reset(seed=4)
+    late = begun(name, seed=4, **steering, randomisation={"action_delay": seconds})
+    fast = begun(name, seed=4, **steering, policy_hz=250)
     actions = 0.2 * rng.uniform(-1.0, 1.0, (8, *late.action_space.shape)).astype(np.float32)
     sent = np.concatenate([np.zeros_like(actions[:1]).repeat(ticks, 0), actions.repeat(5, 0)])
     for step, action in enumerate(actions):
@@ -238,16 +230,10 @@ def test_delays_are_drawn_for_each_episode_and_begin_anew(rng):
 
 
 def test_a_wrong_model_changes_the_torques_of_model_based_layers_only():
+    quiet = {"joint_noise": 0.0, "velocity_noise": 0.0, "push_force": (0, 0)}
     for layer, depends in (("base_acceleration", True), ("joint_position", False)):
         torques = []
         for randomisation in (None, MODEL):
-            env, _ = build(
-                "fbid_gym/BipedBalance-v0",
-                randomisation,
-                action_layer=layer,
-                joint_noise=0.0,
-                velocity_noise=0.0,
-                push_force=(0, 0),
-            )
+            env, _ = build("fbid_gym/BipedBalance-v0", randomisation, action_layer=layer, **quiet)
             torques.append(np.abs(env.step(np.zeros(env.action_space.shape))[4]["torque"]))
         assert (np.abs(torques[0] - torques[1]).max() > 0.1) == depends

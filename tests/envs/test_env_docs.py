@@ -10,6 +10,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.page import INFO, page
+from tests.batches import begun
 
 
 @pytest.mark.parametrize("env_id", ENVIRONMENTS)
@@ -28,8 +29,7 @@ def test_a_page(env_id):
 def test_all_of_info_has_a_meaning():
     for env_id in ("fbid_gym/BipedBalance-v0", "fbid_gym/BipedSquat-v0", "fbid_gym/BipedWalk-v0"):
         for layer in LAYERS:
-            env = gym.make(env_id, action_layer=layer)
-            env.reset(seed=0)
+            env = begun(env_id, action_layer=layer)
             *_, info = env.step(0.0 * env.action_space.sample())
             own = {name for name in info if not name.startswith("reward_")}
             assert own <= INFO.keys(), layer

@@ -8,7 +8,7 @@ import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, RobotError, ShapeError
 from fbid_gym.robots import Robot
-from tests.batches import assert_same
+from tests.batches import assert_same, begun
 from tests.robots.similar import turned
 
 BIPED = next(iter(ENVIRONMENTS))
@@ -55,13 +55,9 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize(("arguments", "message"), ARGUMENTS)
 def test_bad_arguments_through_every_door(arguments, message):
-    for make in (
-        lambda: gym.make(BIPED, **arguments),
-        lambda: gym.make_vec(BIPED, num_envs=2, **arguments),
-        lambda: fbid_gym.make_sb3(BIPED, 2, **arguments),
-    ):
+    for make in (gym.make, gym.make_vec, fbid_gym.make_sb3):
         with pytest.raises(FbidError, match=message):
-            make()
+            make(BIPED, **arguments)
 
 
 def test_bad_render_modes():
@@ -69,10 +65,9 @@ def test_bad_render_modes():
     # gymnasium warns first, and goes on.
     with pytest.raises(FbidError, match=message), pytest.warns(UserWarning, match="ascii"):
         gym.make(BIPED, render_mode="ascii")
-    with pytest.raises(FbidError, match=message):
-        gym.make_vec(BIPED, num_envs=2, render_mode="ascii")
-    with pytest.raises(FbidError, match=message):
-        fbid_gym.make_sb3(BIPED, 2, render_mode="ascii")
+    for make in (gym.make_vec, fbid_gym.make_sb3):
+        with pytest.raises(FbidError, match=message):
+            make(BIPED, render_mode="ascii")
 
 
 def test_bad_vector_arguments():
@@ -81,9 +76,8 @@ def test_bad_vector_arguments():
     for value in (0, -1, 1.5, "two", None, True):
         with pytest.raises(FbidError, match="Invalid num_envs: .* a whole number from 1 to 65,536"):
             gym.make_vec(BIPED, num_envs=value)
-        with pytest.raises(
-            FbidError, match="Invalid num_threads: .* a whole number from 1 to 1,024"
-        ):
+        words = "Invalid num_threads: .* a whole number from 1 to 1,024"
+        with pytest.raises(FbidError, match=words):
             gym.make_vec(BIPED, num_envs=2, num_threads=value)
 
 
@@ -102,11 +96,9 @@ BAD_ACTIONS = [
 @pytest.mark.parametrize(("spoil", "error", "message"), BAD_ACTIONS)
 def test_bad_actions_step_nothing(spoil, error, message):
     """In every interface; afterwards everything goes on as if nothing had been tried."""
-    scalar = gym.make(BIPED, **BASE, disable_env_checker=True)
-    vector = gym.make_vec(BIPED, num_envs=3, **BASE, num_threads=2)
+    scalar = begun(BIPED, **BASE, disable_env_checker=True)
+    vector = begun(BIPED, 3, **BASE, num_threads=2)
     sb3 = fbid_gym.make_sb3(BIPED, 3, seed=0, **BASE)
-    scalar.reset(seed=0)
-    vector.reset(seed=0)
     sb3.reset()
     for env, state_of, count in (
         (scalar, scalar.unwrapped.batch.state_dict, ()),
@@ -121,8 +113,7 @@ def test_bad_actions_step_nothing(spoil, error, message):
 
 def test_bad_actions_through_gymnasiums_checker():
     """With gym.make's own checks in front it is still our error that arrives."""
-    env = gym.make(BIPED, **BASE)
-    env.reset(seed=0)
+    env = begun(BIPED, **BASE)
     env.step(np.zeros(6, np.float32))
     with pytest.raises(NonFiniteError, match=r"index \(2,\)"):
         env.step(np.array([0, 0, np.nan, 0, 0, 0], np.float32))
@@ -140,8 +131,7 @@ def test_a_robot_without_joints_has_nothing_to_act_with():
 
 @pytest.mark.parametrize("env", ["QuadrupedBalance", "QuadrupedWalk", "QuadrupedCrawl"])
 def test_a_robot_below_its_feet_is_refused(env):
-    axis, angle = (1.0, 0.0, 0.0), np.pi
-    upside_down = turned("go1", axis, angle, as_drawn=False)
+    upside_down = turned("go1", (1.0, 0.0, 0.0), np.pi, as_drawn=False)
     assert upside_down.check()[0].endswith("mm below the feet at home.")
     with pytest.raises(RobotError, match="centre of mass of 'go1 turned' is .* below its feet"):
         gym.make(f"fbid_gym/{env}-v0", robot=upside_down)

@@ -90,7 +90,6 @@ def test_the_clock_is_that_of_the_gait():
 
 def test_an_entry_that_is_not_known_is_named():
     batch = batch_of("QuadrupedBalance-v0", "torque", sensors="mems", observation="measured")
-    with pytest.raises(
-        InvalidValueError, match="Invalid entry of the observation to mirror: 'sensor"
-    ):
+    words = "Invalid entry of the observation to mirror: 'sensor"
+    with pytest.raises(InvalidValueError, match=words):
         mirrored(batch)

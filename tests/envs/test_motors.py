@@ -12,6 +12,7 @@ from fbid_gym.envs.tick import Wiring
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots.drives import Drives, TorqueLine
 from fbid_gym.runtime.effort import Effort
+from tests.batches import begun
 from tests.envs.cases import MOTORS, WALK
 
 DT, LIMIT, FULL, FREE = 1e-3, 8.0, 5.0, 20.0
@@ -24,21 +25,14 @@ class Joints:
         rows = np.zeros((num_robots, 6 + 2 * num_joints + 3))
         self.speed = rows[:, 6 : 6 + num_joints]
         ones = np.ones(num_joints)
-        self.wiring = Wiring(
-            rows=rows,
-            sensors=np.zeros((num_robots, 1)),
-            warning=np.zeros((num_robots, 1, 2), np.int32),
-            position=0,
-            velocity=0,
-            push=6 + 2 * num_joints,
-            controls=np.arange(6 + num_joints, 6 + 2 * num_joints),
-            contact=0,
-            gear=2.0 * ones,
-        )
+        push = 6 + 2 * num_joints
+        places = {"position": 0, "velocity": 0, "push": push, "contact": 0, "gear": 2.0 * ones}
+        nothing = np.zeros((num_robots, 1)), np.zeros((num_robots, 1, 2), np.int32)
+        controls = np.arange(6 + num_joints, push)
+        self.wiring = Wiring(rows, *nothing, controls=controls, **places)
         given = {"full": FULL, "free": FREE, "lag": 0.0, "continuous": np.inf} | motors
-        line = TorqueLine(
-            LIMIT * ones, given["full"] * ones, ones / (given["free"] - given["full"])
-        )
+        fading = ones / (given["free"] - given["full"])
+        line = TorqueLine(LIMIT * ones, given["full"] * ones, fading)
         own = given["lag"] * ones, given["continuous"] * ones
         heat = given.get("thermal_time", 2.0), given.get("battery", np.inf)
         self.drives = Drives(line, *own, *heat, 0.0 * ones, 0.0 * ones)
@@ -79,16 +73,12 @@ def test_lag_is_the_analytic_step_response_and_no_impulse_is_lost() -> None:
     begin, end = DT * np.arange(12), DT * np.arange(1, 13)
     exact = 1.0 + lag / DT * (np.exp(-end / lag) - np.exp(-begin / lag))
     np.testing.assert_allclose(means, LIMIT / 2 * exact, rtol=1e-12)
-    np.testing.assert_allclose(
-        joints.motors.torque, LIMIT / 2 * (1 - np.exp(-end[-1] / lag)), rtol=1e-12
-    )
+    last = LIMIT / 2 * (1 - np.exp(-end[-1] / lag))
+    np.testing.assert_allclose(joints.motors.torque, last, rtol=1e-12)
 
 
 def test_a_battery_gives_no_more_than_its_power_and_shares_it(rng: np.random.Generator) -> None:
-    plain, joints = (
-        Joints(50, 6, full=90.0, free=99.0),
-        Joints(50, 6, full=90.0, free=99.0, battery=60.0),
-    )
+    plain, joints = (Joints(50, 6, full=90.0, free=99.0, battery=b) for b in (np.inf, 60.0))
     for one in (plain, joints):
         one.speed[:] = np.random.default_rng(3).normal(size=one.speed.shape) * 4.0
     wanted = rng.normal(size=plain.speed.shape) * LIMIT
@@ -135,8 +125,7 @@ def test_torques_act_their_delay_later_and_no_impulse_is_lost(rng: np.random.Gen
 
 
 def played(count: int, steps: int, **arguments: Any) -> tuple[Any, list[np.ndarray]]:
-    envs = gym.make_vec(WALK, num_envs=count, action_layer="base_acceleration", **arguments)
-    envs.reset(seed=7)
+    envs = begun(WALK, count, 7, action_layer="base_acceleration", **arguments)
     still = np.zeros(envs.action_space.shape, np.float32)
     return envs, [envs.step(still)[0] for _ in range(steps)]
 
@@ -148,13 +137,10 @@ def test_motors_without_limits_of_their_own_are_ideal_to_the_bit() -> None:
 
 
 def test_each_robot_has_its_own_motors_and_no_loop_is_later_than_said() -> None:
-    envs, _ = played(3, 0, **MOTORS)
+    envs, _ = played(3, 10, **MOTORS)
     motors = envs.chunks.batches[0].simulation.motors
     assert len(set(motors.speed)) == len(set(motors.lag)) == 3
     assert (motors.speed >= 0.7).all() and (motors.lag <= 2.0).all()
-    still = np.zeros(envs.action_space.shape, np.float32)
-    for _ in range(10):
-        envs.step(still)
     saved = envs.chunks.state_dict()
     assert (saved["simulation.motor_heat"] > 0.0).any()
     saved["simulation.loop_ticks"] = saved["simulation.loop_ticks"] + 9.0

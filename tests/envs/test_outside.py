@@ -23,7 +23,7 @@ from fbid_gym.errors import (
 )
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.built_in import QUADRUPED, asset_path
-from tests.batches import assert_same
+from tests.batches import assert_same, begun
 
 BIPED, WALK = "fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedWalk-v0"
 TORQUE = {"action_layer": "torque"}
@@ -54,10 +54,7 @@ def test_unknown_keywords_are_type_errors_in_pythons_words():
 
 
 def test_actions_are_clipped_and_their_share_is_told():
-    arguments = {"num_envs": 3, "action_layer": "base_acceleration"}
-    ours, clipped = (gym.make_vec(BIPED, **arguments) for _ in range(2))
-    for env in (ours, clipped):
-        env.reset(seed=0)
+    ours, clipped = (begun(BIPED, 3, action_layer="base_acceleration") for _ in range(2))
     rng = np.random.default_rng(0)
     for _ in range(5):
         action = rng.normal(0.0, 1.5, ours.action_space.shape)
@@ -69,19 +66,16 @@ def test_actions_are_clipped_and_their_share_is_told():
         share = (abs(action) > 1.0).mean(axis=1)
         np.testing.assert_allclose(one[4]["clipped_actions"], share, rtol=1e-15)
         assert not other[4]["clipped_actions"].any()
-    alone = gym.make(BIPED, action_layer="base_acceleration")
-    alone.reset(seed=0)
-    assert alone.step(np.array([9.0, -9.0, 0.0, 0.5, 1.0, 1.5]))[4][
-        "clipped_actions"
-    ] == pytest.approx(0.5)
+    alone = begun(BIPED, action_layer="base_acceleration")
+    info = alone.step(np.array([9.0, -9.0, 0.0, 0.5, 1.0, 1.5]))[4]
+    assert info["clipped_actions"] == pytest.approx(0.5)
     sb3 = fbid_gym.make_sb3(BIPED, 2, action_layer="base_acceleration")
     sb3.reset()
     assert sb3.step(np.full((2, 6), 3.0))[3][1]["clipped_actions"] == 1.0
 
 
 def test_actions_are_refused_where_that_is_asked_for():
-    envs = gym.make_vec(BIPED, num_envs=2, **TORQUE, actions="refuse")
-    envs.reset(seed=0)
+    envs = begun(BIPED, 2, **TORQUE, actions="refuse")
     envs.step(np.ones((2, 16)) + 5e-7)  # rounding is forgiven
     before, bad = envs.chunks.state_dict(), np.zeros((2, 16))
     bad[1, 3] = -1.01
@@ -229,16 +223,14 @@ def test_commands_of_many():
     np.testing.assert_allclose(some[mask][:, where], each[mask], rtol=1e-6)
     np.testing.assert_allclose(some[1, where], COMMAND, rtol=1e-6)
     envs.unwrapped.set_command(each)
-    np.testing.assert_allclose(
-        envs.step(np.zeros(envs.action_space.shape))[0][:, where], each, rtol=1e-6
-    )
+    seen = envs.step(np.zeros(envs.action_space.shape))[0]
+    np.testing.assert_allclose(seen[:, where], each, rtol=1e-6)
     sb3 = fbid_gym.make_sb3(WALK, 3, **TORQUE)
     sb3.set_options({"command": COMMAND})
     np.testing.assert_allclose(sb3.reset()[:, where], [COMMAND] * 3, rtol=1e-6)
     sb3.env_method("set_command", each)
-    np.testing.assert_allclose(
-        sb3.step(np.zeros((3, *sb3.action_space.shape)))[0][:, where], each, rtol=1e-6
-    )
+    seen = sb3.step(np.zeros((3, *sb3.action_space.shape)))[0]
+    np.testing.assert_allclose(seen[:, where], each, rtol=1e-6)
     assert abs(sb3.reset()[:, where] - COMMAND).max() > 0.01
 
 
@@ -253,8 +245,7 @@ def test_commands_of_many():
     ],
 )
 def test_bad_commands_change_nothing(env_id, command, message):
-    envs = gym.make_vec(env_id, num_envs=2, **TORQUE)
-    envs.reset(seed=0)
+    envs = begun(env_id, 2, **TORQUE)
     before = envs.chunks.state_dict()
     for give in (
         lambda: envs.reset(seed=1, options={"command": command}),

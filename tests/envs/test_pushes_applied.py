@@ -6,6 +6,7 @@ import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.batches import begun
 from tests.pairs import pairs
 
 ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_seconds": 1.0}
@@ -29,8 +30,7 @@ def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     weight = load(ENVIRONMENTS[name]["robot"]).weight
     arguments = ARGUMENTS | rates | {"push_force": (0.01 * weight, 0.1 * weight)}
     arguments["push_velocity"] = (0.02, 0.1)
-    env = gym.make_vec(name, num_envs=3, **arguments)
-    env.reset(seed=1)
+    env = begun(name, 3, 1, **arguments)
     batch = env.chunks.batches[0]
     simulation, robot = batch.simulation, batch.robot
     simulation.batch.expand("opt.gravity")[:] = 0.0

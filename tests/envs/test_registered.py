@@ -15,6 +15,7 @@ from fbid_gym.motions.target import planned_kind
 from fbid_gym.options import Number
 from fbid_gym.tasks import TASKS, Episode, Group, Term, register_task
 from fbid_gym.tasks.outcome import Outcome
+from tests.batches import begun
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 
@@ -101,8 +102,7 @@ def rest(episode, *, answers=None) -> Rest:
 
 
 def stepped(**arguments: Any) -> tuple[Any, ...]:
-    envs = gym.make_vec(ENV, num_envs=2, **arguments)
-    envs.reset(seed=0)
+    envs = begun(ENV, 2, **arguments)
     return envs.step(np.zeros(envs.action_space.shape))
 
 
@@ -165,6 +165,9 @@ def test_torques_that_are_refused() -> None:
             stepped(action_layer="limp", layer_options={"answer": answer})
 
 
+WIDE = Group(("z",), 1.0, lambda measured: np.zeros((2, 3)))
+
+
 @pytest.mark.parametrize(
     ("answers", "words"),
     [
@@ -172,10 +175,7 @@ def test_torques_that_are_refused() -> None:
         ({"plan": lambda plan: plan | {"pace": 0.5}}, "'pace' drawn by Rest.*an array"),
         ({"plan": lambda plan: plan | {"qpos": np.zeros(3)}}, r"'qpos' drawn by Rest.*\(19,\)"),
         ({"groups": None}, "observation_groups of Rest: None"),
-        (
-            {"groups": {"up": Group(("z",), 1.0, lambda measured: np.zeros((2, 3)))}},
-            r"observation group 'up' of Rest has shape \(2, 3\).*\(2, 1\)",
-        ),
+        ({"groups": {"up": WIDE}}, r"observation group 'up' of Rest has shape \(2, 3\).*\(2, 1\)"),
         ({"terms": np.ones(2)}, "reward_terms of Rest"),
         ({"terms": {"rest": Term(len, -1.0)}}, "weight of reward term 'rest': -1.0"),
         ({"share": 1.0}, r"reward term 'rest' of Rest has shape \(\)"),
@@ -221,8 +221,7 @@ def test_episodes_that_differ_from_the_first_are_refused(later: Any, words: str)
         return usual if len(drawn) < 4 else later(usual)
 
     register_task("rest", rest)
-    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"plan": plan})
-    envs.reset(seed=0)
+    envs = begun(ENV, 2, task="rest", answers={"plan": plan})
     with pytest.raises(FbidError, match=words):
         envs.reset(seed=0)
 
@@ -232,8 +231,7 @@ def test_what_a_task_answers_stays_the_tasks() -> None:
     ones = np.ones(2)
     ones.flags.writeable = False
     register_task("rest", rest)
-    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"share": ones})
-    envs.reset(seed=0)
+    envs = begun(ENV, 2, task="rest", answers={"share": ones})
     envs.chunks.batches[0].simulation.qvel[1] = np.nan
     _, reward, *_ = envs.step(np.zeros(envs.action_space.shape))
     assert reward.tolist() == [1.0, 0.0]

@@ -8,6 +8,7 @@ from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from tests.batches import begun
 from tests.pairs import pairs
 
 every_env = pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
@@ -92,8 +93,7 @@ def test_the_zero_action_stands(name, layer):
         ranges = ("forward_range", "sideways_range", "turning_range")
         arguments |= dict.fromkeys(ranges, (0.0, 0.0))
         arguments["randomisation"] = None  # version 1 has loads, and slippery ground
-    env = gym.make_vec(name, num_envs=4, action_layer=layer, **arguments)
-    env.reset(seed=1)
+    env = begun(name, 4, 1, action_layer=layer, **arguments)
     seconds = STANDS.get(layer, 2.0)
     for _ in range(round(seconds * 50)):
         _, reward, terminated, _, info = env.step(np.zeros(env.action_space.shape, np.float32))

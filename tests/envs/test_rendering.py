@@ -16,7 +16,7 @@ from fbid_gym.envs.overlays import LABELS, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import add_arrow, add_thread
-from tests.batches import assert_same
+from tests.batches import assert_same, begun
 from tests.dynamics.models import ASSETS
 from tests.pairs import pairs
 
@@ -45,8 +45,7 @@ SHOWN = [name for name in list(ENVIRONMENTS)[::3] if not ENVIRONMENTS[name].get(
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_pictures_show_what_happens(name):
-    env = gym.make(name, **ARGUMENTS)
-    env.reset(seed=0)
+    env = begun(name, **ARGUMENTS)
     first = env.render()
     assert_picture(first)
     assert_same_picture(env.render(), first)  # looking changes nothing
@@ -60,8 +59,7 @@ def test_pictures_show_what_happens(name):
 
 
 def test_a_push_is_an_arrow():
-    env = gym.make("fbid_gym/BipedBalance-v0", **ARGUMENTS)
-    env.reset(seed=0)
+    env = begun("fbid_gym/BipedBalance-v0", **ARGUMENTS)
     plain = env.render().astype(int)
     batch = env.unwrapped.batch
     force = np.array([[100.0, 100.0, 0.0]])
@@ -75,14 +73,12 @@ def test_a_push_is_an_arrow():
 
 
 def test_vector_environments_show_everyone():
-    envs = gym.make_vec("fbid_gym/QuadrupedBalance-v0", num_envs=2, num_threads=2, **ARGUMENTS)
-    envs.reset(seed=0)
+    envs = begun("fbid_gym/QuadrupedBalance-v0", 2, num_threads=2, **ARGUMENTS)
     frames = envs.render()
     assert isinstance(frames, tuple) and len(frames) == 2
     for index, frame in enumerate(frames):
         assert_picture(frame)
-        alone = gym.make("fbid_gym/QuadrupedBalance-v0", **ARGUMENTS)
-        alone.reset(seed=index)
+        alone = begun("fbid_gym/QuadrupedBalance-v0", seed=index, **ARGUMENTS)
         assert_same_picture(alone.render(), frame)
         alone.close()
     envs.close()
@@ -107,8 +103,7 @@ def test_record_video_of_one(tmp_path):
 
 
 def standing(layer="base_acceleration", **arguments):
-    env = gym.make("fbid_gym/BipedBalance-v0", **ARGUMENTS | {"action_layer": layer}, **arguments)
-    env.reset(seed=0)
+    env = begun("fbid_gym/BipedBalance-v0", **ARGUMENTS | {"action_layer": layer}, **arguments)
     return env, env.unwrapped.batch
 
 
@@ -161,8 +156,7 @@ def test_what_is_achieved_is_what_the_velocity_gained():
 
 def test_footholds_lie_where_feet_land():
     arguments = ARGUMENTS | {"action_layer": "base_acceleration", "forward_range": (0.4, 0.5)}
-    env = gym.make("fbid_gym/QuadrupedWalk-v0", **arguments)
-    env.reset(seed=1)
+    env = begun("fbid_gym/QuadrupedWalk-v0", seed=1, **arguments)
     batch, spots, landed = env.unwrapped.batch, np.zeros((0, 3)), 0
     for _ in range(45):
         env.step(np.zeros(env.action_space.shape, np.float32))
@@ -184,14 +178,11 @@ LAYERS_SEEN = ("base_acceleration", "com_wrench", "joint_position", "joint_accel
 )
 def test_drawing_changes_nothing(name, layer):
     chance = {"mass": 0.1, "model_mass": 0.1, "action_delay": (0.0, 0.03)}
-    arguments = ARGUMENTS | {"action_layer": layer, "randomisation": chance, "num_envs": 3}
+    arguments = ARGUMENTS | {"action_layer": layer, "randomisation": chance, "num_threads": 2}
     plain, drawn = (
-        gym.make_vec(name, num_threads=2, render_options=shown, **arguments)
-        for shown in (None, EVERYTHING)
+        begun(name, 3, 4, render_options=shown, **arguments) for shown in (None, EVERYTHING)
     )
     rng = np.random.default_rng(0)
-    for envs in (plain, drawn):
-        envs.reset(seed=4)
     for step in range(6):
         for batch in drawn.chunks.batches:
             insight(batch, batch.num_envs - 1)  # all that drawing asks
@@ -201,8 +192,7 @@ def test_drawing_changes_nothing(name, layer):
         one, other = plain.step(action), drawn.step(action)
         np.testing.assert_array_equal(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])
-    one, other = plain.chunks.state_dict(), drawn.chunks.state_dict()
-    assert_same(one, other)
+    assert_same(plain.chunks.state_dict(), drawn.chunks.state_dict())
     for envs in (plain, drawn):
         envs.close()
 
@@ -256,8 +246,7 @@ def test_human_mode_needs_a_display(monkeypatch):
 
 def picture(**arguments):
     """The first picture of an episode."""
-    env = gym.make(BIPED, **ARGUMENTS | arguments)
-    env.reset(seed=0)
+    env = begun(BIPED, **ARGUMENTS | arguments)
     frame = env.render()
     env.close()
     return frame
@@ -270,10 +259,8 @@ def test_size_and_camera_of_a_picture():
     for one, other in itertools.pairwise(frames):
         assert np.abs(one - other).mean() > 3.0
     robot = Robot.from_mjcf(ASSETS / "humanoid.xml", ["left_foot", "right_foot"])
-    plain, named, numbered = (
-        picture(robot=robot, **camera)
-        for camera in ({}, {"camera_name": "track"}, {"camera_id": 0})
-    )
+    cameras = ({}, {"camera_name": "track"}, {"camera_id": 0})
+    plain, named, numbered = (picture(robot=robot, **camera) for camera in cameras)
     assert_same_picture(named, numbered)
     assert np.abs(plain.astype(int) - named).mean() > 3.0
     for bad, message in (

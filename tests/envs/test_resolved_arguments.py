@@ -30,15 +30,15 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
     assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
 
 
+BASE = {"action_layer": "base_acceleration"}
+
+
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
         ("QuadrupedBalance-v0", {"action_layer": "joint_position"}),
-        (
-            "QuadrupedBalance-v0",
-            {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2}},
-        ),
-        ("BipedWalk-v0", {"action_layer": "base_acceleration"}),
+        ("QuadrupedBalance-v0", BASE | {"randomisation": {"mass": 0.2}}),
+        ("BipedWalk-v0", BASE),
         ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
         ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
         ("BipedStep-v0", {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}}),

@@ -13,15 +13,11 @@ from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.tasks import TASKS, Term, Walk, bell, register_reward_term, register_task
 from fbid_gym.tasks.body import Units
-from tests.batches import assert_same, started
+from tests.batches import assert_same, begun, started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
-NAMES = (
-    WALK,
-    "fbid_gym/BipedBalance-v0",
-    "fbid_gym/QuadrupedCrawl-v0",
-    "fbid_gym/QuadrupedTerrain-v0",
-)
+NAMES = [WALK, "fbid_gym/BipedBalance-v0"]
+NAMES += [f"fbid_gym/Quadruped{task}-v0" for task in ("Crawl", "Terrain")]
 
 
 pytestmark = pytest.mark.usefixtures("registries")
@@ -115,12 +111,10 @@ def test_an_own_term_goes_wherever_environments_are_made() -> None:
     register_reward_term("walk", "quiet", quiet, 0.2, 0.5, "weight * sqrt(g h)")
     register_reward_term("walk", "alive", lambda found: np.ones(len(found.outcome.power)), 0.1)
     given = {"reward_weights": {"alive": 0.3}, "reward_scales": {"quiet": 0.1}}
-    one, two = gym.make(WALK, **given), gym.make_vec(WALK, num_envs=2, **given)
+    one, two = begun(WALK, **given), begun(WALK, 2, **given)
     three = fbid_gym.make_sb3(WALK, 2, seed=0, **given)
-    zero = np.zeros(one.action_space.shape)
-    one.reset(seed=0)
-    two.reset(seed=0)
     three.reset()
+    zero = np.zeros(one.action_space.shape)
     infos = one.step(zero)[-1], two.step(np.stack([zero, zero]))[-1]
     three.step(np.stack([zero, zero]))
     body = one.unwrapped.batch.task.body
@@ -132,7 +126,6 @@ def test_an_own_term_goes_wherever_environments_are_made() -> None:
     assert three.last_info["reward_quiet"][0] == pytest.approx(expected)
     assert infos[1]["reward_alive"].tolist() == [0.3, 0.3]
     resolved = resolved_arguments(WALK, given)
-    assert resolved is not None
     assert resolved["reward_weights"]["alive"] == 0.3 and resolved["reward_scales"]["quiet"] == 0.1
     assert "alive" not in resolved["reward_scales"]
     with pytest.raises(UnknownOptionError, match="'quiet'"):
@@ -144,8 +137,7 @@ def test_a_subclass_has_a_table_of_its_own() -> None:
         reward_terms = Walk.reward_terms | {"quiet": Term(quiet, 0.2, 0.5)}
 
     register_task("quiet_walk", Quiet.of)
-    env = gym.make(WALK, task="quiet_walk", gait="pace", reward_weights={"quiet": 0.0})
-    env.reset(seed=0)
+    env = begun(WALK, task="quiet_walk", gait="pace", reward_weights={"quiet": 0.0})
     *_, info = env.step(np.zeros(env.action_space.shape))
     assert info["reward_quiet"] == 0.0 and info["reward_velocity"] > 0.0
     assert "quiet" not in Walk.reward_terms
@@ -168,7 +160,6 @@ def test_terms_that_are_refused(given: tuple[Any, ...], words: str) -> None:
 
 def test_an_own_term_that_answers_another_shape_is_refused() -> None:
     register_reward_term("walk", "quiet", lambda found: 1.0, 0.1)
-    envs = gym.make_vec(WALK, num_envs=2)
-    envs.reset(seed=0)
+    envs = begun(WALK, 2)
     with pytest.raises(FbidError, match=r"reward term 'quiet' of Walk has shape \(\)"):
         envs.step(np.zeros(envs.action_space.shape))

@@ -1,6 +1,5 @@
 """Robots of the zoo stand by a zero action, whatever their legs and feet."""
 
-import numpy as np
 import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
@@ -8,7 +7,7 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.envs.verdict import survival
 from fbid_gym.robots import zoo
-from tests.batches import started
+from tests.batches import started, upright
 from tests.pairs import pairs
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
@@ -25,11 +24,7 @@ def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
     """Let two robots of the zoo stand for five seconds."""
     given = {"robot": zoo.built(zoo.draw(seed)), "task": "balance", "push_force": (0.0, 0.0)}
     batch = started(given | {"action_layer": layer, "layer_options": options}, 2)
-    zero = np.zeros((2, len(batch.action_names)))
-    for _ in range(5 * batch.rates.policy):
-        step = batch.step(zero)
-        assert not step.terminated.any()
-    return batch, step
+    return batch, upright(batch, 5)[-1]
 
 
 @pytest.mark.parametrize(

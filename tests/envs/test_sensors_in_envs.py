@@ -80,15 +80,11 @@ def test_groups_of_an_observation_for_robots():
     # What was observed moves back, newest first.
     size = few.observation_columns["policy"].stop // 3
     steps = played(few, 4)
-    rows = [step.observation[:, :size] for step in steps]
-    np.testing.assert_array_equal(
-        steps[-1].observation[:, : 3 * size], np.concatenate(rows[:0:-1], axis=1)
-    )
+    rows, last = [step.observation[:, :size] for step in steps], steps[-1].observation
+    np.testing.assert_array_equal(last[:, : 3 * size], np.concatenate(rows[:0:-1], axis=1))
     # The critic's part is the truth.
-    actual = few.observation_columns["actual_velocity"]
-    np.testing.assert_allclose(
-        np.hypot(*steps[-1].observation[:, actual].T[:2]), steps[-1].info["speed"], atol=1e-6
-    )
+    actual = last[:, few.observation_columns["actual_velocity"]]
+    np.testing.assert_allclose(np.hypot(*actual.T[:2]), steps[-1].info["speed"], atol=1e-6)
 
 
 @pytest.mark.parametrize("own", [{}, {"contact": "torque"}, {"estimator": "linear"}])

@@ -11,20 +11,16 @@ from fbid_gym.robots import Robot, load, several, zoo
 from fbid_gym.robots.built_in import BUILT_IN, asset_path
 from fbid_gym.robots.by_place import by_place
 from fbid_gym.runtime.config import EnvConfig
-from tests.batches import assert_same, started
+from tests.batches import assert_same, begun, started
 
 ENV = "fbid_gym/QuadrupedWalk-v0"
-WALK = gym.registry[ENV].kwargs | {
-    "observation": "body",
-    "action_layer": "base_acceleration",
-    "episode_seconds": 0.3,
-}
+BODY = {"observation": "body", "action_layer": "base_acceleration", "episode_seconds": 0.3}
+WALK = gym.registry[ENV].kwargs | BODY
 ROBOTS = ["go1", "zoo:quadruped:0", "zoo:quadruped:3"]  # of 12, 16 and 24 joints
 
 
 def test_several_robots_do_as_each_does_alone() -> None:
-    envs = gym.make_vec(ENV, num_envs=7, robots=ROBOTS, num_threads=2, **without_robot())
-    envs.reset(seed=5)
+    envs = begun(ENV, 7, 5, robots=ROBOTS, num_threads=2, **without_robot())
     rng, rows = np.random.default_rng(0), []
     for _ in range(20):  # episodes end and begin
         action = rng.uniform(-1.0, 1.0, envs.action_space.shape)
@@ -32,13 +28,11 @@ def test_several_robots_do_as_each_does_alone() -> None:
     kinds = envs.unwrapped.chunks.kinds
     assert [sum(batch.num_envs for batch in kind) for kind in kinds] == [2, 2, 3]
     for name, first, count in zip(ROBOTS, (0, 2, 4), (2, 2, 3), strict=True):
-        alone = gym.make_vec(ENV, num_envs=count, robot=name, **without_robot())
-        alone.reset(seed=5 + first)
+        alone = begun(ENV, count, 5 + first, robot=name, **without_robot())
+        own = slice(first, first + count)
         for action, *expected in rows:
-            for got, value in zip(
-                alone.step(action[first : first + count])[:4], expected, strict=True
-            ):
-                np.testing.assert_array_equal(got, value[first : first + count])
+            for got, value in zip(alone.step(action[own])[:4], expected, strict=True):
+                np.testing.assert_array_equal(got, value[own])
         alone.close()
     envs.close()
 

@@ -1,18 +1,17 @@
 """Environments on ground that is not level: where episodes start, and what the feet meet."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
+from tests.batches import begun
 
 ROUGH = "fbid_gym/QuadrupedRough-v0"
 
 
 @pytest.mark.parametrize("terrain", ["obstacles", "rocks"])
 def test_episodes_start_on_level_places_all_over_the_ground(terrain):
-    env = gym.make_vec(ROUGH, num_envs=64, terrain=terrain)
-    env.reset(seed=0)
+    env = begun(ROUGH, 64, terrain=terrain)
     batch = env.chunks.batches[0]
     simulation, starts = batch.simulation, batch.terrain.starts
     apart = np.linalg.norm(simulation.qpos[:, None, :2] - starts, axis=2)
@@ -27,14 +26,8 @@ def test_episodes_start_on_level_places_all_over_the_ground(terrain):
 @pytest.mark.parametrize("terrain", ["obstacles", "rocks"])
 def test_feet_stand_on_the_terrain_not_in_it(terrain):
     """Put down anywhere, the feet come to rest on its surface."""
-    env = gym.make_vec(
-        ROUGH,
-        num_envs=32,
-        terrain=terrain,
-        action_layer="joint_position",
-        autoreset_mode="DISABLED",
-    )
-    env.reset(seed=0)
+    given = {"action_layer": "joint_position", "autoreset_mode": "DISABLED"}
+    env = begun(ROUGH, 32, terrain=terrain, **given)
     batch = env.chunks.batches[0]
     simulation, rng = batch.simulation, np.random.default_rng(0)
     simulation.qpos[:, :2] = rng.uniform(-2.5, 2.5, (32, 2))
@@ -53,10 +46,8 @@ def test_feet_stand_on_the_terrain_not_in_it(terrain):
 
 
 def test_no_height_is_flat():
-    flat = gym.make(ROUGH, terrain_height=0.0, action_layer="base_acceleration")
-    level = gym.make("fbid_gym/QuadrupedCrawl-v0", action_layer="base_acceleration")
-    for env in (flat, level):
-        env.reset(seed=3)
+    flat = begun(ROUGH, seed=3, terrain_height=0.0, action_layer="base_acceleration")
+    level = begun("fbid_gym/QuadrupedCrawl-v0", seed=3, action_layer="base_acceleration")
     action = np.zeros(6, np.float32)
     for _ in range(20):
         np.testing.assert_array_equal(flat.step(action)[0], level.step(action)[0])

@@ -7,17 +7,12 @@ from fbid_gym import robots
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import zoo
-from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
-from tests.batches import started
+from tests.batches import Watched, outcome_of, started, upright
 
 LAYERS = ("base_acceleration", "com_wrench")
-WALKS = {
-    "go1": "fbid_gym/QuadrupedWalk-v0",
-    "biped": "fbid_gym/BipedWalk-v0",
-    "humanoid": "fbid_gym/HumanoidWalk-v0",
-}
+WALKS = {"go1": "Quadruped", "biped": "Biped", "humanoid": "Humanoid"}
 # Of the zoo: quadrupeds on points whose legs have five and six joints, so that they can turn about
 # their ends.
 SPARE_JOINTS = (42, 47)
@@ -26,20 +21,16 @@ SPARE_JOINTS = (42, 47)
 def walking(like, layer, count, **arguments):
     """Robots that walk as one of WALKS does, each to its own commands, without pushes."""
     known = {"robot": like, "action_layer": layer, "push_force": (0.0, 0.0)} | arguments
-    batch = started(ENVIRONMENTS[WALKS[like]] | known, count)
-    return batch, np.zeros((count, len(batch.action_names)))
+    return started(ENVIRONMENTS[f"fbid_gym/{WALKS[like]}Walk-v0"] | known, count)
 
 
 @pytest.mark.parametrize("robot", WALKS)
 @pytest.mark.parametrize("layer", LAYERS)
 def test_a_zero_action_walks_upright(robot, layer):
-    batch, zero = walking(robot, layer, 4)
-    up = [f"up direction {axis} (base frame)" for axis in "xyz"]
-    vertical = [batch.observation_names.index(name) for name in up]
-    for _ in range(5 * batch.rates.policy):
-        step = batch.step(zero)
-        assert not step.terminated.any()
-        assert (step.observation[:, vertical[2]] > np.cos(0.5)).all()
+    batch = walking(robot, layer, 4)
+    vertical = batch.observation_names.index("up direction z (base frame)")
+    for step in upright(batch, 5):
+        assert (step.observation[:, vertical] > np.cos(0.5)).all()
 
 
 @pytest.mark.parametrize("robot", ["g1", "biped", "5"])
@@ -50,25 +41,18 @@ def test_robots_on_soles_walk_fast(robot):
     ahead = (0.8 / np.sqrt(own.gravity * height),) * 2
     still = {"sideways_range": (0.0, 0.0), "turning_range": (0.0, 0.0), "gait": "brisk_walk"}
     told = {"forward_range": ahead, "command_interval": (99.0, 99.0)}
-    batch, zero = walking("biped", LAYERS[0], 6, robot=own, **told, **still)
+    batch = walking("biped", LAYERS[0], 6, robot=own, **told, **still)
     batch._plan["command"][:, :, 0] = 0.8  # nobody is to stand
-    begun = np.zeros(6)
-    for k in range(7 * batch.rates.policy):
-        step = batch.step(zero)
-        assert not step.terminated.any()
-        if k == 3 * batch.rates.policy:
-            begun = step.info["distance"]
-    assert (step.info["distance"] - begun > 0.7 * 4.0).all()
+    gone = [step.info["distance"] for step in upright(batch, 7)]
+    assert (gone[-1] - gone[3 * batch.rates.policy] > 0.7 * 4.0).all()
 
 
 @pytest.mark.parametrize("layer", LAYERS)
 @pytest.mark.parametrize("robot", ["go1", "biped"])
 def test_robots_walk_as_much_lower_as_they_are_told(robot, layer):
     share = 0.9 * MOST_LOWERED
-    batch, zero = walking(robot, layer, 4, lowered_range=(share, share))
-    for _ in range(3 * batch.rates.policy):
-        step = batch.step(zero)
-        assert not step.terminated.any()
+    batch = walking(robot, layer, 4, lowered_range=(share, share))
+    step = upright(batch, 3)[-1]
     task = batch.task
     told = share * task.body.stance.home_com[2]
     asked = task.gait.constants.height - told
@@ -76,30 +60,27 @@ def test_robots_walk_as_much_lower_as_they_are_told(robot, layer):
     assert step.info["height"] == pytest.approx(asked, abs=0.1 * told)
 
 
-def at_rest(batch):
-    return Effort.none(batch.num_envs, batch.robot.num_joints)
-
-
 def test_a_robot_that_its_gait_has_lower_has_not_fallen():
     """The small quadruped stands on legs that are nearly straight, and paces on bent ones."""
-    batch, zero = walking("go1", "base_acceleration", 16, robot="quadruped", gait="pace")
+    batch = walking("go1", "base_acceleration", 16, robot="quadruped", gait="pace")
     body, asked = batch.task.body, batch.task.gait.height
     least, size = np.inf, body.size - body.lowered
     assert asked < 0.8 * body.home_height
     assert size == pytest.approx(asked + body.size - body.home_height)
+    zero = np.zeros((16, len(batch.action_names)))
     for _ in range(5 * batch.rates.policy):
         assert not batch.step(zero).terminated.any()
-        least = min(least, batch._outcome(at_rest(batch)).posture.base[:, 2].min())
+        least = min(least, outcome_of(batch).posture.base[:, 2].min())
     # So low that, measured by how it stands, it would lie.
     assert FALLEN_HEIGHT * size < least < FALLEN_HEIGHT * body.size
 
 
 @pytest.mark.parametrize("share", [0.0, MOST_LOWERED])
 def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
-    batch, _ = walking("go1", "joint_position", 200, lowered_range=(0.0, share))
+    batch = walking("go1", "joint_position", 200, lowered_range=(0.0, share))
     body = batch.task.body
     asked = batch.task.gait.height - share * body.stance.home_com[2]
-    outcome = batch._outcome(at_rest(batch))
+    outcome = outcome_of(batch)
     height = np.linspace(0.5, 0.7, 200) * asked
     base = outcome.terms.base_position.copy()
     base[:, 2] += height - outcome.posture.base[:, 2]
@@ -114,29 +95,10 @@ def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
 @pytest.mark.parametrize("seed", SPARE_JOINTS)
 @pytest.mark.parametrize("layer", LAYERS)
 def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
-    batch, zero = walking("go1", layer, 4, robot=zoo.built(zoo.draw(seed)))
+    batch = walking("go1", layer, 4, robot=zoo.built(zoo.draw(seed)))
     home = batch.robot.home_qpos[7:]
-    for _ in range(5 * batch.rates.policy):
-        step = batch.step(zero)
-        assert not step.terminated.any()
+    upright(batch, 5)
     assert np.abs(batch.simulation.qpos[:, 7:] - home).max() < 1.2
-
-
-class _Watched:
-    """A layer, and what it says from tick to tick."""
-
-    def __init__(self, layer):
-        self._layer, self.planted, self.torque_said, self.law_said = layer, [], [], []
-
-    def __getattr__(self, name):
-        return getattr(self._layer, name)
-
-    def torque(self, action, state, target, terms, memory):
-        said = self._layer.torque(action, state, target, terms, memory)
-        self.planted.append(target.planted.copy())
-        self.torque_said.append(said.copy())
-        self.law_said.append(memory["ramp_law"].copy())
-        return said
 
 
 @pytest.mark.parametrize(
@@ -146,12 +108,11 @@ class _Watched:
 )
 @pytest.mark.parametrize("layer", LAYERS)
 def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, share, layer):
-    batch, zero = walking(robot, layer, 4, layer_options=options)
-    batch.loop.layer = seen = _Watched(batch.layer)
-    for _ in range(3 * batch.rates.policy):
-        batch.step(zero)
-    planted, torque = np.array(seen.planted), np.array(seen.torque_said)
-    sudden, ticks = np.array(seen.law_said), batch.layer.law.ramp.ticks
+    batch = walking(robot, layer, 4, layer_options=options)
+    batch.loop.layer = seen = Watched(batch.layer)
+    upright(batch, 3)
+    planted, torque, ticks = np.array(seen.planted), np.array(seen.torques), seen.law.ramp.ticks
+    sudden = np.array([memory["ramp_law"] for memory in seen.memories])
     switched = (planted[1:] != planted[:-1]).any(axis=2)
     down = (planted[1:] & ~planted[:-1]).any(axis=2)
     assert down.sum() > 10

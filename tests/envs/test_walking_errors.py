@@ -9,6 +9,7 @@ from fbid_gym.errors import FbidError, RobotError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.target import MotionKind
+from tests.batches import begun
 from tests.dogs import CORNERS, dog
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
@@ -54,8 +55,7 @@ def test_feet_that_no_inverse_kinematics_places():
 def test_clipped_footholds_are_counted():
     """A foothold as far away as the action can put it is out of reach at a high speed."""
     fast = {"forward_range": (2.0, 2.0), "sideways_range": (0.0, 0.0), "turning_range": (0.0, 0.0)}
-    env = gym.make(QUADRUPED, action_layer="torque", layer_options={"footholds": True}, **fast)
-    env.reset(seed=1)
+    env = begun(QUADRUPED, seed=1, action_layer="torque", layer_options={"footholds": True}, **fast)
     action = np.zeros(env.action_space.shape, np.float32)
     action[-8::2] = 1.0
     counts = [env.step(action)[4]["clipped_footholds"] for _ in range(15)]

@@ -9,9 +9,8 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.robots.terrain import LEVELLED, Tiles
 from fbid_gym.runtime.config import EnvConfig
-from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.height_scan import SCAN
-from tests.batches import started
+from tests.batches import outcome_of, started
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0"
 
@@ -43,17 +42,12 @@ def test_a_fall_is_judged_from_the_ground_under_the_feet() -> None:
     batch = batch_of(terrain="slopes", difficulty=1.0)
     simulation, body = batch.simulation, batch.task.body
     assert simulation.qpos[:, 2].min() > 2.0 * body.home_height
-    outcome = batch._outcome(batch_effort(batch))
-    assert not outcome.posture.fallen.any()
+    assert not outcome_of(batch).posture.fallen.any()
     simulation.qpos[:, 9::3] = -2.6  # knees
     simulation.qpos[:, 8::3] = 1.3  # hips
     simulation.batch.forward()
     simulation.note_change()
-    assert batch._outcome(batch_effort(batch)).posture.fallen.all()
-
-
-def batch_effort(batch: EnvBatch) -> Effort:
-    return Effort.none(batch.num_envs, batch.robot.num_joints)
+    assert outcome_of(batch).posture.fallen.all()
 
 
 def test_the_end_of_the_ground_truncates() -> None:

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -75,38 +74,26 @@ def test_other_machines_and_numbers_and_equal_seeds_are_warnings(run_folder):
     assert "different numbers of runs: base acceleration 2, joint position 1" in warnings
 
 
-TINY = {
-    "env": "fbid_gym/BipedBalance-v0",
-    "env_args": {"episode_seconds": 0.2},
-    "total_steps": 32,
-    "num_envs": 4,
-    "ppo": PPOConfig(n_steps=8, batch_size=32, n_epochs=1, hidden=(8,)),
-    "eval": EvaluationConfig(every=32, episodes=2),
-}
-
-
-def trained(path: Path, layer: str, monkeypatch: pytest.MonkeyPatch, **how: Any) -> Path:
-    """Train robots, really; the program says that it is of the commit."""
-    commit = {"commit": how.pop("commit"), "uncommitted_changes": False}
-    monkeypatch.setattr(versions, "_git", lambda folder: commit)
-    return ppo.main(TrainConfig(**TINY, action_layer=layer, out=path, **how))
+TINY = {"env": "fbid_gym/BipedBalance-v0", "env_args": {"episode_seconds": 0.2}, "num_envs": 4}
+TINY |= {"ppo": PPOConfig(n_steps=8, batch_size=32, n_epochs=1, hidden=(8,)), "total_steps": 32}
+TINY |= {"eval": EvaluationConfig(every=32, episodes=2)}
 
 
 def test_warnings_of_real_runs_are_of_what_matters(tmp_path, monkeypatch):
     """Threads and checkpoints change no number; another commit may have changed every one."""
-    one, other, late = (
-        load(trained(tmp_path / name, layer, monkeypatch, **how))
-        for name, layer, how in (
-            ("one", "joint_position", {"commit": "a" * 40, "num_threads": 1}),
-            ("other", "torque", {"commit": "a" * 40, "num_threads": 2, "checkpoint_every": 32}),
-            ("late", "torque", {"commit": "b" * 40, "num_threads": 1}),
-        )
-    )
-    assert one.config is not None and other.config is not None
+
+    def trained(name: str, layer: str, commit: str, **how: Any) -> Any:
+        """A training of robots, really; the program says that it is of the commit."""
+        found = {"commit": commit * 40, "uncommitted_changes": False}
+        monkeypatch.setattr(versions, "_git", lambda folder: found)
+        return load(ppo.main(TrainConfig(**TINY, action_layer=layer, out=tmp_path / name, **how)))
+
+    one = trained("one", "joint_position", "a", num_threads=1)
+    other = trained("other", "torque", "a", num_threads=2, checkpoint_every=32)
+    late = trained("late", "torque", "b", num_threads=1)
     assert one.config["num_threads"] != other.config["num_threads"]
     assert one.config["checkpoint_every"] != other.config["checkpoint_every"]
     assert check_comparable([one, other]) == []
     (warning,) = check_comparable([one, late])
-    assert warning == (
-        f"The runs come from different commits of this project: {'a' * 40}, {'b' * 40}."
-    )
+    commits = f"{'a' * 40}, {'b' * 40}"
+    assert warning == f"The runs come from different commits of this project: {commits}."

@@ -13,6 +13,7 @@ from eval.rollout import Player
 from fbid_gym.errors import FbidError, InvalidValueError, RobotError
 from fbid_gym.robots import load
 from fbid_gym.runtime import Controller
+from tests.postures import sensed
 
 HZ = 100_000
 
@@ -111,15 +112,7 @@ def test_rotors_in_links_and_not_contacts_shake_a_biped_on_stiff_joints():
         mujoco.mj_forward(model, data)
 
         def read(data=data):
-            return {
-                "position": data.qpos[:3],
-                "orientation": data.qpos[3:7],
-                "velocity": data.qvel[:3],
-                "angular_velocity": data.qvel[3:6],
-                "joint_position": data.qpos[7:],
-                "joint_velocity": data.qvel[6:],
-                "contact_force": data.sensordata[robot.contact_sensor],
-            }
+            return sensed(data.qpos, data.qvel, data.sensordata[robot.contact_sensor])
 
         def step(torque, model=model, data=data):
             data.ctrl[robot.actuator] = torque / robot.gear

@@ -35,17 +35,11 @@ def session():
 def test_every_kind_of_network_acts_the_same(onnx, session, activation, output):
     """Also far outside of what was observed, where all is clipped."""
     draw = np.random.default_rng(0)
-    policy = Policy(
-        env_id="fbid_gym/BipedBalance-v0",
-        env_args={},
-        mean=draw.normal(size=7),
-        variance=draw.uniform(1e-6, 4.0, 7),
-        weights=tuple(draw.normal(size=size) / 4.0 for size in ((16, 7), (16, 16), (3, 16))),
-        biases=tuple(draw.normal(size=size) for size in (16, 16, 3)),
-        activation=activation,
-        output=output,
-        clip=3.0,
-    )
+    seen = {"mean": draw.normal(size=7), "variance": draw.uniform(1e-6, 4.0, 7), "clip": 3.0}
+    weights = tuple(draw.normal(size=size) / 4.0 for size in ((16, 7), (16, 16), (3, 16)))
+    biases = tuple(draw.normal(size=size) for size in (16, 16, 3))
+    own = {"weights": weights, "biases": biases, "activation": activation, "output": output}
+    policy = Policy(env_id="fbid_gym/BipedBalance-v0", env_args={}, **seen, **own)
     observation = (draw.normal(size=(50, 7)) * 10.0 ** draw.uniform(-3, 4, (50, 1))).astype("f")
     (actions,) = session(to_onnx(policy, {})).run(["actions"], {"obs": observation})
     np.testing.assert_allclose(actions, policy(observation), rtol=0, atol=1e-6)

@@ -77,11 +77,8 @@ def test_video_is_h264_of_the_size_pages_expect(exported, tmp_path):
 
 
 def test_videos_show_what_layers_see_unless_told_otherwise():
-    ours = "fbid_gym/BipedBalance-v0"
-    for given, shown in (
-        ({}, EVERYTHING),
-        ({"render_options": {"com": True}}, RenderOptions(com=True)),
-    ):
+    ours, com = "fbid_gym/BipedBalance-v0", {"com": True}
+    for given, shown in (({}, EVERYTHING), ({"render_options": com}, RenderOptions(**com))):
         env = make_env(ours, given)
         assert env.unwrapped.drawn_over == shown
         env.close()

@@ -47,9 +47,8 @@ def comparison(
 
 def test_the_headline_claims_no_more_than_was_found_and_tells_the_numbers():
     separated = comparison([400, 410], [300, 310], Estimate(100, 90, 110), 1.0, 1 / 3)
-    assert headline(separated).startswith(
-        "Every seed of first returns more than every seed of second, but"
-    )
+    words = "Every seed of first returns more than every seed of second, but"
+    assert headline(separated).startswith(words)
     assert "two against" not in headline(separated) and "cannot rule out" in headline(separated)
     assert headline(separated).endswith("return 405 against 305.")
     mixed = comparison([400, 290], [300, 310], Estimate(40, -20, 100), 0.5, 0.67)

@@ -12,6 +12,7 @@ from fbid_gym.errors import FbidError
 from fbid_gym.motions import Crawl, CrawlGait, MotionTable, crawl, gait_for
 from fbid_gym.robots import ROBOTS, load, zoo
 from fbid_gym.robots.polygon import margin_within
+from tests.motions.conftest import centre_of_pressure, hold_laws
 from tests.robots.similar import moved, similar
 
 
@@ -46,9 +47,9 @@ def margins(points: np.ndarray, planted: np.ndarray, inside: np.ndarray) -> np.n
     return np.array([margin_within(feet[down], point) for feet, down, point in each])
 
 
-def test_planted_feet_neither_move_nor_accelerate(any_walk, laws):
+def test_planted_feet_neither_move_nor_accelerate(any_walk):
     for table in (any_walk.tables[0], any_walk.tables[-1]):
-        laws(table, np.arange(0, table.period, 9))
+        hold_laws(table, np.arange(0, table.period, 9))
 
 
 def test_one_foot_swings_at_a_time_and_each_once(walk):
@@ -62,7 +63,7 @@ def test_one_foot_swings_at_a_time_and_each_once(walk):
     assert order == ["hind_left", "front_left", "hind_right", "front_right"]
 
 
-def test_the_walk_could_stop_anywhere(any_walk, pressure):
+def test_the_walk_could_stop_anywhere(any_walk):
     """The centre of mass stays over the planted feet, and so does the centre of pressure."""
     robot, walk = any_walk.tables[0].robot, any_walk
     height = Stance.of(robot).home_com[2]
@@ -72,7 +73,7 @@ def test_the_walk_could_stop_anywhere(any_walk, pressure):
         feet, planted = feet_of(table, rows)[:, :, :2], table.rows.planted[rows]
         assert margins(feet, planted, table.rows.com[rows, :2]).min() > least
         # On the ground, that is, above which the frame's origin is while a foot is up.
-        wrench_at, force = pressure(table, rows)
+        wrench_at, force = centre_of_pressure(table, rows)
         ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
         point = wrench_at + ground * force[:, :2] / force[:, 2:]
         assert margins(feet, planted, point).min() > least
@@ -92,17 +93,14 @@ def test_it_moves_as_fast_as_commanded(walk):
 
 def test_feet_lift_as_high_as_told_and_come_down_gently(walk):
     table = walk.tables[-1]
-    rows = np.arange(table.period)
     terms = PinocchioDynamics(table.robot).terms(table.rows.qpos, table.rows.qvel)
     height = terms.foot_position[:, :, 2]
     height = height - height.min(axis=1)[:, None]
     assert height[table.rows.planted].max() < 1e-9
     np.testing.assert_allclose(height.max(axis=0), 0.05, atol=1e-3)
     for foot in range(4):
-        touch = np.flatnonzero(
-            table.rows.planted[:, foot] & ~np.roll(table.rows.planted[:, foot], 1)
-        )
-        before = rows[touch] - 2
+        planted = table.rows.planted[:, foot]
+        before = np.flatnonzero(planted & ~np.roll(planted, 1)) - 2
         assert np.abs(terms.foot_velocity[before, foot, :3]).max() < 0.02
 
 

@@ -12,6 +12,7 @@ from fbid_gym.motions.legs import least_bend, legs_of
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.built_in import BIPED, asset_path
 from fbid_gym.robots.polygon import margin_within
+from tests.motions.conftest import centre_of_pressure, hold_laws
 from tests.robots.similar import similar
 
 
@@ -37,11 +38,8 @@ def test_legs_are_found(name):
     robot = load(name)
     legs = legs_of(robot)
     named = np.array(robot.joint_names)[legs.pitch]
-    expected = [
-        [f"{side}_{joint}" for joint in ("hip_pitch", "knee", "ankle_pitch")]
-        for side in ("left", "right")
-    ]
-    assert named.tolist() == expected
+    pitch = "hip_pitch", "knee", "ankle_pitch"
+    assert named.tolist() == [[f"{side}_{joint}" for joint in pitch] for side in ("left", "right")]
     for side, joints in zip(("left", "right"), legs.joints, strict=True):
         assert all(robot.joint_names[joint].startswith(side) for joint in joints)
     assert legs.bend == pytest.approx(robot.home_qpos[7 + legs.pitch[0, 1]], abs=1e-3)
@@ -77,7 +75,7 @@ def test_similar_robots_move_alike_each_in_its_own_time():
 
 
 @pytest.mark.parametrize("name", ["humanoid", "g1"])
-def test_other_robots_squat_and_step_over_their_feet(name, laws, pressure):
+def test_other_robots_squat_and_step_over_their_feet(name):
     robot = load(name)
     legs = legs_of(robot)
     # At speed 5 the humanoid's centre of pressure would leave its soles.
@@ -87,8 +85,8 @@ def test_other_robots_squat_and_step_over_their_feet(name, laws, pressure):
     assert knee.min() - robot.home_qpos[7 + legs.pitch[0, 1]] == pytest.approx(-legs.bend, abs=1e-5)
     for motion in (squat, step):
         rows = np.linspace(0, motion.period - 1, 83).astype(int)
-        laws(motion, rows)
-        point, force = pressure(motion, rows)
+        hold_laws(motion, rows)
+        point, force = centre_of_pressure(motion, rows)
         assert force[:, 2].min() > 0.7 * robot.weight
         planted = motion.rows.planted[rows].repeat([foot.num_points for foot in robot.feet], axis=1)
         points = _points(robot, motion.rows.qpos[rows])

@@ -6,6 +6,7 @@ import pytest
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
 from fbid_gym.robots import load
+from tests.motions.conftest import centre_of_pressure, hold_laws
 
 TOE = 0.112  # m, half the length of a sole
 
@@ -23,13 +24,13 @@ def some(motion: MotionTable) -> np.ndarray:
     return np.linspace(0, motion.period - 1, 97).astype(int)
 
 
-def test_the_bow_keeps_its_feet_in_place(bow, laws):
-    laws(bow, some(bow))
+def test_the_bow_keeps_its_feet_in_place(bow):
+    hold_laws(bow, some(bow))
 
 
-def test_the_squat_keeps_its_feet_in_place(laws):
+def test_the_squat_keeps_its_feet_in_place():
     motion = periodic_squat(load("biped"))
-    laws(motion, some(motion))
+    hold_laws(motion, some(motion))
     knee = joint(motion, "left_knee")
     assert motion.period == 250 and motion.periodic
     assert knee.max() - knee.min() == pytest.approx(0.3, abs=1e-3)
@@ -46,18 +47,18 @@ def test_the_knees_extend_to_their_limit_and_not_beyond(bow):
     assert np.abs(bow.rows.qvel[[0, -1]]).max() < 1e-12
 
 
-def test_the_centre_of_mass_stays_over_the_soles(bow, pressure):
+def test_the_centre_of_mass_stays_over_the_soles(bow):
     assert np.abs(bow.rows.com[:, 0]).max() < 0.012
     assert np.abs(bow.rows.com[:, 1]).max() < 1e-9
-    point, force = pressure(bow, some(bow))
+    point, force = centre_of_pressure(bow, some(bow))
     slow = bow.seconds > 20
     assert np.abs(point[:, 0]).max() < (0.015 if slow else 0.75 * TOE)
     assert force[:, 2].min() > (0.95 if slow else 0.6) * bow.robot.weight
 
 
-def test_the_squat_stays_within_its_soles_at_two_hertz(pressure):
+def test_the_squat_stays_within_its_soles_at_two_hertz():
     motion = periodic_squat(load("biped"))
-    point, force = pressure(motion, some(motion))
+    point, force = centre_of_pressure(motion, some(motion))
     assert np.abs(point[:, 0]).max() < 0.75 * TOE
     assert force[:, 2].min() > 0.7 * motion.robot.weight
 

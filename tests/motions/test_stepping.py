@@ -7,6 +7,7 @@ from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.robots import load
+from tests.motions.conftest import centre_of_pressure, hold_laws
 
 SOLE = np.array([0.112, 0.042])  # m, half its length and width
 
@@ -16,8 +17,8 @@ def motion(request):
     return stepping(load("biped"), Steps(ramp=request.param))
 
 
-def test_planted_feet_stay_in_place(motion, laws):
-    laws(motion, np.arange(0, motion.period, 11))
+def test_planted_feet_stay_in_place(motion):
+    hold_laws(motion, np.arange(0, motion.period, 11))
 
 
 def test_feet_take_turns_with_both_down_between(motion):
@@ -27,19 +28,13 @@ def test_feet_take_turns_with_both_down_between(motion):
     switches = np.flatnonzero((down != np.roll(down, 1, axis=0)).any(axis=1))
     # Both, right, both, left, both: each foot is in the air for a quarter of 3 s.
     assert switches.tolist() == [188, 562, 938, 1312]
-    assert down[[0, 188, 562, 938, 1312]].tolist() == [
-        [True, True],
-        [False, True],
-        [True, True],
-        [True, False],
-        [True, True],
-    ]
+    both, right, left = [True, True], [False, True], [True, False]
+    assert down[[0, 188, 562, 938, 1312]].tolist() == [both, right, both, left, both]
 
 
 def test_postures_jump_only_where_feet_switch_and_only_without_ramp(motion):
-    change = np.abs(motion.rows.qpos[:, 7:] - np.roll(motion.rows.qpos[:, 7:], 1, axis=0)).max(
-        axis=1
-    )
+    joints = motion.rows.qpos[:, 7:]
+    change = np.abs(joints - np.roll(joints, 1, axis=0)).max(axis=1)
     jumps = np.flatnonzero(change > 0.05).tolist()
     assert motion.jumps is not None
     assert jumps == np.flatnonzero(motion.jumps).tolist()
@@ -58,18 +53,14 @@ def test_the_foot_in_the_air_clears_the_ground(motion):
     assert np.abs(gap[:, :2] - [0.0, 0.18]).max() < 0.02
 
 
-def test_the_pressure_stays_under_the_planted_soles(motion, pressure):
+def test_the_pressure_stays_under_the_planted_soles(motion):
     rows = np.arange(0, motion.period, 3)
-    point, force = pressure(motion, rows)
-    feet = (
-        PinocchioDynamics(motion.robot)
-        .terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
-        .foot_position
-    )
+    point, force = centre_of_pressure(motion, rows)
+    terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
     ramped = motion.jumps is not None and not motion.jumps.any()
     for foot in (0, 1):
         single = ~motion.rows.planted[rows, 1 - foot]
-        from_sole = np.abs(point[single] - feet[single, foot, :2])
+        from_sole = np.abs(point[single] - terms.foot_position[single, foot, :2])
         # Lifting a leg in a quarter of a second takes a moment that adds to the sway's.
         assert (from_sole.max(axis=0) < SOLE * (1.0 if ramped else 0.75)).all()
     both = motion.rows.planted[rows].all(axis=1)

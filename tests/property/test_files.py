@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
+from tests.test_policy import make_policy
 from train.runs.archive import KEPT, as_archive, read_archive
 
 BITS = st.lists(st.floats(0.0, 1.0, exclude_max=True), max_size=3)
@@ -32,7 +33,7 @@ def folder(tmp_path_factory):
 
 @given(st.integers(0, 2**31), BITS, SHARE)
 def test_policies(folder: Path, seed: int, bits: list[float], kept: float) -> None:
-    policy, file = _policy(np.random.default_rng(seed)), folder / "mine.safetensors"
+    policy, file = make_policy(seed, (5, 4, 3)), folder / "mine.safetensors"
     policy.save(file)
     _damage(file, bits, kept)
     try:
@@ -41,11 +42,8 @@ def test_policies(folder: Path, seed: int, bits: list[float], kept: float) -> No
         assert "\n" not in str(error).strip()
         return
     # Another layout of the same JSON is the same policy.
-    for one, other in zip(
-        (found.mean, found.variance, *found.weights, *found.biases),
-        (policy.mean, policy.variance, *policy.weights, *policy.biases),
-        strict=True,
-    ):
+    both = [(own.mean, own.variance, *own.weights, *own.biases) for own in (found, policy)]
+    for one, other in zip(*both, strict=True):
         np.testing.assert_array_equal(one, other)
     for field in ("env_id", "env_args", "activation", "clip", "trained_steps", "versions"):
         assert getattr(found, field) == getattr(policy, field)
@@ -67,19 +65,3 @@ def test_archives(folder: Path, contents: list[bytes], bits: list[float], kept: 
     for files in found.values():
         for name, content in files.items():
             assert content == packed["a"][name]
-
-
-def _policy(rng: np.random.Generator) -> Policy:
-    widths = (5, 4, 3)
-    return Policy(
-        env_id="fbid_gym/BipedBalance-v0",
-        env_args={"action_layer": "torque", "push_force": [20.0, 100.0]},
-        mean=rng.normal(size=widths[0]),
-        variance=rng.uniform(0.1, 4.0, size=widths[0]),
-        weights=tuple(rng.normal(size=(b, a)) for a, b in zip(widths, widths[1:], strict=False)),
-        biases=tuple(rng.normal(size=b) for b in widths[1:]),
-        activation="tanh",
-        clip=2.0,
-        trained_steps=123,
-        versions={"numpy": "2"},
-    )

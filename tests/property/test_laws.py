@@ -40,19 +40,14 @@ _Array = np.ndarray
 
 
 def _equations(robots: Robots) -> force_feedback.Equation:
-    terms = robots.terms
-    return force_feedback.Equation(
-        terms.mass_matrix, terms.bias, robots.jacobian, robots.acceleration, robots.drift
-    )
+    moving = robots.terms.mass_matrix, robots.terms.bias
+    return force_feedback.Equation(*moving, robots.jacobian, robots.acceleration, robots.drift)
 
 
 def _limited(robots: Robots) -> Any:
+    own = {"base_priority": robots.base_priority, "length": robots.length}
     return control.limited_inverse_dynamics(
-        *_equations(robots),
-        LIMITS,
-        base_priority=robots.base_priority,
-        length=robots.length,
-        gravity=robots.gravity,
+        *_equations(robots), LIMITS, gravity=robots.gravity, **own
     )
 
 
@@ -70,15 +65,10 @@ def _metric(robots: Robots) -> Any:
 
 
 def _task(robots: Robots) -> Any:
+    desired = robots.task_jacobian, None, robots.task, robots.acceleration
+    cost = np.r_[robots.base_priority, np.ones(robots.torque.shape[1])]
     return control.operational_space_acceleration(
-        robots.jacobian,
-        robots.drift,
-        robots.task_jacobian,
-        None,
-        robots.task,
-        robots.acceleration,
-        motion_cost=np.r_[robots.base_priority, np.ones(robots.torque.shape[1])],
-        least_gain=0.05 * robots.length,
+        robots.jacobian, robots.drift, *desired, motion_cost=cost, least_gain=0.05 * robots.length
     )
 
 
@@ -130,13 +120,8 @@ _CLEAR = ("none", "repeated", "a row of zeros", "of rank two")
 _TOLERANCE = 1e-5
 """Of the torques, and of what it takes to hold the robot."""
 _COMPILED = [name for name in LAWS if "force" not in name and "weighted" not in name]
-_EXACT_IN_ROWS = (
-    "orthogonal_inverse_dynamics",
-    "metric_inverse_dynamics",
-    "operational_space_acceleration",
-    "inertia_weighted",
-    "estimated_force",
-)
+_EXACT_IN_ROWS = ["orthogonal_inverse_dynamics", "metric_inverse_dynamics", "estimated_force"]
+_EXACT_IN_ROWS += ["operational_space_acceleration", "inertia_weighted"]
 
 
 def problems(wild: bool) -> st.SearchStrategy[Problem]:
@@ -198,12 +183,9 @@ def _honesty(robots: Robots, answer: Any) -> None:
     if "residual" not in answer._fields or "acceleration" not in answer._fields:
         return
     mass_matrix, bias, jacobian, _, _ = _equations(robots)
-    parts = (
-        mass_matrix[:, :6] * answer.acceleration[:, None],
-        bias[:, :6, None],
-        -jacobian[:, :, :6].mT * answer.contact_force[:, None],
-    )
-    summands = np.concatenate(parts, axis=2)
+    inertia = mass_matrix[:, :6] * answer.acceleration[:, None]
+    contact = jacobian[:, :, :6].mT * answer.contact_force[:, None]
+    summands = np.concatenate((inertia, bias[:, :6, None], -contact), axis=2)
     missing = np.abs(summands.sum(axis=2)) / np.abs(summands).sum(axis=2)
     unsaid = (missing.max(axis=1) > _TOLERANCE) & (answer.residual < _TOLERANCE)
     assert not unsaid.any(), "an answer that no robot can follow looks like any other"

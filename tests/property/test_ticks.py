@@ -18,15 +18,8 @@ from fbid_gym.robots import load
 _CONTACTS = ("planned", "all", "measured", "some feet")
 _MOST_ROBOTS = 5
 # Wilder than anything that is learnt with.
-_DIFFERENT = {
-    "mass": 0.5,
-    "com": 0.05,
-    "friction": (0.1, 1.5),
-    "motor_strength": (0.3, 1.2),
-    "action_delay": (0.0, 0.05),
-    "model_mass": 0.5,
-    "model_inertia": (0.3, 3.0),
-}
+_DIFFERENT = {"mass": 0.5, "com": 0.05, "friction": (0.1, 1.5), "motor_strength": (0.3, 1.2)}
+_DIFFERENT |= {"action_delay": (0.0, 0.05), "model_mass": 0.5, "model_inertia": (0.3, 3.0)}
 _OPTIONS = ("contacts", "contact_limits", "contact_ramp", "moment_priority", "reference")
 _STEERING = ("footholds", "step_rate")
 _ALIKE = {"go1": "quadruped", "biped": "humanoid", "humanoid": "g1"}  # walk as well

@@ -77,12 +77,8 @@ def turned(
 def _with_base(asset: str) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:
     """The model, and its body with the free joint."""
     spec = mujoco.MjSpec.from_file(str(asset_path(asset)))
-    (base,) = (
-        body
-        for body in spec.bodies
-        if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
-    )
-    return spec, base
+    (root,) = (j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE)
+    return spec, root.parent
 
 
 def _multiply(element: object, factor: float, *attributes: str) -> None:

@@ -43,10 +43,8 @@ def test_place_and_heading_in_the_file_do_not_matter(tilt: str) -> None:
         assert abs(rotation(moved)[1, 0]) < 1e-12 < rotation(moved)[0, 0]
         numbers = " ".join(f"{x:.17g}" for x in moved.model.qpos0)
         keyframe = KEYFRAME.format(f'qpos="{numbers}"')
-        for text, home in (
-            (GOOD.replace("</mujoco>", keyframe), None),
-            (GOOD, moved.model.qpos0.tolist()),
-        ):
+        posed = GOOD.replace("</mujoco>", keyframe)
+        for text, home in ((posed, None), (GOOD, moved.model.qpos0.tolist())):
             np.testing.assert_allclose(read(text, home=home).home_qpos, plain.home_qpos, atol=1e-9)
         np.testing.assert_allclose(Stance.of(moved).layout, Stance.of(plain).layout, atol=1e-12)
 

@@ -59,35 +59,20 @@ def test_sides_are_told_by_places(rng):
     np.testing.assert_allclose(points[mirror.points.entry], robot.points_at_home, atol=1e-9)
 
 
-QUADRUPED = (Path(__file__).parents[2] / "assets" / "quadruped.xml").read_text()
-TRUNK = '<inertial pos="0 0 0" mass="1.8"'
-SHIN = 'mass="0.0464"'
+TEXT = (Path(__file__).parents[2] / "assets" / "quadruped.xml").read_text()
+TRUNK, SHIN = '<inertial pos="0 0 0" mass="1.8"', 'mass="0.0464"'
+ASIDE = TEXT.replace(TRUNK, TRUNK.replace("0 0 0", "0 0.02 0"))
+HEAVY = TEXT.replace(SHIN, 'mass="0.1"', 1)
 
 
 @pytest.mark.parametrize(
     ("text", "options", "why"),
     [
-        (QUADRUPED, {"torque_limit": {"front_left_knee": 0.5}}, "'front_left_knee' has another t"),
-        (
-            QUADRUPED,
-            {"armature": {"hind_right_knee": 0.5}},
-            "has another armature than its counter",
-        ),
-        (
-            QUADRUPED,
-            {"home": {"front_left_hip_roll": 0.2}},
-            "'front_left_hip_pitch' has no counter",
-        ),
-        (
-            QUADRUPED.replace(TRUNK, TRUNK.replace("0 0 0", "0 0.02 0")),
-            {"home": {}},
-            "another centre of mass",
-        ),
-        (
-            QUADRUPED.replace(SHIN, 'mass="0.1"', 1),
-            {"home": {}},
-            "'front_left_lower_leg' has another mass",
-        ),
+        (TEXT, {"torque_limit": {"front_left_knee": 0.5}}, "'front_left_knee' has another t"),
+        (TEXT, {"armature": {"hind_right_knee": 0.5}}, "has another armature than its counter"),
+        (TEXT, {"home": {"front_left_hip_roll": 0.2}}, "'front_left_hip_pitch' has no counter"),
+        (ASIDE, {"home": {}}, "another centre of mass"),
+        (HEAVY, {"home": {}}, "'front_left_lower_leg' has another mass"),
     ],
 )
 def test_a_robot_without_symmetry_is_refused_with_the_reason(text, options, why):

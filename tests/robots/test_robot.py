@@ -35,10 +35,9 @@ BOX_FOOT = """
 """
 
 
-def box_foot(folder: Path, names: list[str]) -> Robot:
-    path = folder / "box_foot.xml"
-    path.write_text(BOX_FOOT)
-    return Robot.from_mjcf(path, {"foot": names})
+# Of an arm and a leg, of those who are built like people.
+SHOULDER = {"shoulder_pitch", "shoulder_roll", "shoulder_yaw"}
+LEG = {"hip_roll", "hip_pitch", "hip_yaw", "knee", "ankle_roll", "ankle_pitch"}
 
 
 @pytest.fixture(params=[*ROBOTS, *GYMNASIUM])
@@ -84,13 +83,9 @@ def hold(
 
 def standing_stiffness(robot: Robot) -> np.ndarray | float:
     """N m/rad, enough to stand; light arms and necks would shake with the legs'."""
-    legs, others = {
-        "biped": (500.0, 500.0),
-        "quadruped": (8.0, 8.0),
-        "humanoid": (2000.0, 100.0),
-        "go1": (100.0, 100.0),
-        "g1": (300.0, 30.0),
-    }[robot.name]
+    small = {"quadruped": (8.0, 8.0), "go1": (100.0, 100.0), "g1": (300.0, 30.0)}
+    large = {"biped": (500.0, 500.0), "humanoid": (2000.0, 100.0)}
+    legs, others = (small | large)[robot.name]
     carries = ("hip", "knee", "ankle", "waist_roll", "waist_pitch")
     return np.where([any(part in j for part in carries) for j in robot.joint_names], legs, others)
 
@@ -164,9 +159,8 @@ def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
     text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{scenery}")
     robot = Robot.from_mjcf(text, GO1.feet, home=GO1.home)
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
-    assert (
-        "fbid_ground" in [robot.model.geom(geom).name for geom in np.flatnonzero(static)]
-    ) != known
+    names = [robot.model.geom(geom).name for geom in np.flatnonzero(static)]
+    assert ("fbid_ground" in names) != known
     assert not any("ground" in line for line in robot.check())
 
 
@@ -235,12 +229,8 @@ def test_humanoid_follows_the_paper() -> None:
     """[G15] V: 27 degrees of freedom, 1.7 m, about 77.5 kg, TORO's legs, arms, waist and neck."""
     robot = load("humanoid")
     assert robot.mass == pytest.approx(77.5, abs=0.05)
-    leg = {"hip_roll", "hip_pitch", "hip_yaw", "knee", "ankle_roll", "ankle_pitch"}
-    arm = {
-        *(f"shoulder_{axis}" for axis in ("pitch", "roll", "yaw")),
-        *("elbow", "forearm_yaw", "wrist_roll"),
-    }
-    both = {f"{side}_{joint}" for side in ("left", "right") for joint in leg | arm}
+    limbs = LEG | SHOULDER | {"elbow", "forearm_yaw", "wrist_roll"}
+    both = {f"{side}_{joint}" for side in ("left", "right") for joint in limbs}
     assert set(robot.joint_names) == both | {"waist_yaw", "neck_yaw", "neck_pitch"}
     assert [foot.num_points for foot in robot.feet] == [4, 4]
     for foot in robot.feet:
@@ -272,12 +262,8 @@ def test_go1_is_as_large_as_published() -> None:
 def test_g1_is_as_large_as_published() -> None:
     """29 joints: six a leg, three in the waist, seven an arm; 1.3 m with straight legs."""
     robot = load("g1")
-    leg = {"hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll"}
-    arm = {
-        *(f"shoulder_{axis}" for axis in ("pitch", "roll", "yaw")),
-        *("elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"),
-    }
-    both = {f"{side}_{joint}" for side in ("left", "right") for joint in leg | arm}
+    limbs = LEG | SHOULDER | {"elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"}
+    both = {f"{side}_{joint}" for side in ("left", "right") for joint in limbs}
     assert set(robot.joint_names) == both | {"waist_yaw", "waist_roll", "waist_pitch"}
     assert [foot.num_points for foot in robot.feet] == [4, 4]
     data = posed(robot, robot.model.qpos0)
@@ -352,9 +338,9 @@ def test_robots_of_gymnasium() -> None:
 
 
 @pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"], ["a", "b"]])
-def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
+def test_sites_on_a_box_foot(names: list[str]) -> None:
     """The named sites carry the whole foot between them, and corners each their own."""
-    robot = box_foot(tmp_path, names)
+    robot = Robot.from_mjcf(BOX_FOOT, {"foot": names})
     data = posed(robot)
     for _ in range(1000):
         data.ctrl[0] = -2 * 9.81 - 400 * data.qpos[7] - 20 * data.qvel[6]
@@ -368,37 +354,32 @@ def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
     if len(names) == 4:
         corners = data.xpos[robot.feet[0].body] + robot.feet[0].points
         for corner, force in zip(corners, forces, strict=True):
-            near = [
-                i for i in range(data.ncon) if np.linalg.norm(data.contact[i].pos - corner) < 0.02
-            ]
+            (near,) = np.flatnonzero(np.linalg.norm(data.contact.pos - corner, axis=1) < 0.02)
             wrench = np.empty(6)
-            mujoco.mj_contactForce(robot.model, data, near[0], wrench)
-            assert len(near) == 1 and force[2] == pytest.approx(wrench[0])
+            mujoco.mj_contactForce(robot.model, data, int(near), wrench)
+            assert force[2] == pytest.approx(wrench[0])
 
 
-def test_base_floats_a_fixed_file(tmp_path: Path) -> None:
-    path = tmp_path / "fixed.xml"
-    path.write_text(BOX_FOOT.replace("<freejoint/>", ""))
-    robot = Robot.from_mjcf(path, {"foot": "middle"}, base="trunk")
+def test_base_floats_a_fixed_file() -> None:
+    fixed = BOX_FOOT.replace("<freejoint/>", "")
+    robot = Robot.from_mjcf(fixed, {"foot": "middle"}, base="trunk")
     assert (robot.nv, robot.base_body) == (7, 1)
     assert robot.foot_names == ("foot",)
 
 
-def test_home_as_mapping_vector_and_keyframe(tmp_path: Path) -> None:
-    path = tmp_path / "robot.xml"
+def test_home_as_mapping_vector_and_keyframe() -> None:
     key = '<keyframe><key name="{}" qpos="0 0 9 2 0 0 0 0.05"/></keyframe></mujoco>'
-    path.write_text(BOX_FOOT.replace("</mujoco>", key.format("low")))
-    feet = {"foot": ["middle"]}
-    plain = Robot.from_mjcf(path, feet)
+    text, feet = BOX_FOOT.replace("</mujoco>", key.format("low")), {"foot": ["middle"]}
+    plain = Robot.from_mjcf(text, feet)
     assert plain.home_qpos[7] == 0.0
     assert plain.home_qpos[2] == pytest.approx(0.32)
-    mapping = Robot.from_mjcf(path, feet, home={"slide": 0.05})
-    vector = Robot.from_mjcf(path, feet, home=[0, 0, 3, 1, 0, 0, 0, 0.05])
-    keyframe = Robot.from_mjcf(path, feet, home="low")
+    mapping = Robot.from_mjcf(text, feet, home={"slide": 0.05})
+    vector = Robot.from_mjcf(text, feet, home=[0, 0, 3, 1, 0, 0, 0, 0.05])
+    keyframe = Robot.from_mjcf(text, feet, home="low")
     for robot in (mapping, vector, keyframe):
         np.testing.assert_allclose(robot.home_qpos, [0, 0, 0.27, 1, 0, 0, 0, 0.05], atol=1e-12)
-    path.write_text(BOX_FOOT.replace("</mujoco>", key.format("home")))
-    np.testing.assert_allclose(Robot.from_mjcf(path, feet).home_qpos, keyframe.home_qpos)
+    usual = BOX_FOOT.replace("</mujoco>", key.format("home"))
+    np.testing.assert_allclose(Robot.from_mjcf(usual, feet).home_qpos, keyframe.home_qpos)
 
 
 @pytest.mark.parametrize(
@@ -412,11 +393,10 @@ def test_home_as_mapping_vector_and_keyframe(tmp_path: Path) -> None:
         ('ctrlrange="-60 60"', 'actuatorfrcrange="-30 35"', 30.0),
     ],
 )
-def test_torque_limit_is_what_the_motor_can_give_both_ways(tmp_path, motor, joint, limit):
-    path = tmp_path / "robot.xml"
+def test_torque_limit_is_what_the_motor_can_give_both_ways(motor, joint, limit):
     text = BOX_FOOT.replace('ctrlrange="-60 60"', motor)
-    path.write_text(text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}'))
-    robot = Robot.from_mjcf(path, {"foot": ["middle"]})
+    text = text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}')
+    robot = Robot.from_mjcf(text, {"foot": ["middle"]})
     assert robot.torque_limit[0] == pytest.approx(limit)
     data = posed(robot)
     for sign in (1.0, -1.0):

@@ -38,42 +38,27 @@ LEG = """
 """
 
 HIP = '<motor name="hip" joint="hip" ctrlrange="-5 5"/>'
+# Of the knee; all but two of them have a torque limit of 8 N·m.
 SERVOS = {
-    "position": ('<position joint="knee" kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/>', 8.0),
-    "position by default": ('<position joint="knee" class="strong"/>', 8.0),
-    "position with a gear": (
-        '<position joint="knee" kp="4" kv="0.5" gear="3" forcerange="-2 2"/>',
-        6.0,
-    ),
-    "position with a damping ratio": (
-        '<position joint="knee" kp="40" dampratio="1" forcerange="-8 8"/>',
-        8.0,
-    ),
-    "position with a filter": ('<position joint="knee" kp="40" kv="1" timeconst="0.02"/>', 9.0),
-    "affine general": (
-        '<general joint="knee" gainprm="30" biastype="affine" biasprm="0 -30 -2" '
-        'forcerange="-8 9"/>',
-        8.0,
-    ),
-    "velocity": ('<velocity joint="knee" kv="4" forcerange="-8 8"/>', 8.0),
-    "integrated velocity": (
-        '<intvelocity joint="knee" kp="40" kv="2" forcerange="-8 8" actrange="-1 1"/>',
-        8.0,
-    ),
+    "position": 'position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"',
+    "position by default": 'position class="strong"',
+    "position with a gear": 'position kp="4" kv="0.5" gear="3" forcerange="-2 2"',
+    "position with a damping ratio": 'position kp="40" dampratio="1" forcerange="-8 8"',
+    "position with a filter": 'position kp="40" kv="1" timeconst="0.02"',
+    "affine": 'general gainprm="30" biastype="affine" biasprm="0 -30 -2" forcerange="-8 9"',
+    "velocity": 'velocity kv="4" forcerange="-8 8"',
+    "integrated velocity": 'intvelocity kp="40" kv="2" forcerange="-8 8" actrange="-1 1"',
 }
+LIMITS = {"position with a gear": 6.0, "position with a filter": 9.0}
+USUAL = {"hip": "", "knee": "", "keyframe": "", "default": 'armature="0.01"'}
 
 
-def text(
-    actuators: str,
-    hip: str = "",
-    knee: str = "",
-    root: str = "<freejoint/>",
-    default: str = 'armature="0.01"',
-    keyframe: str = "",
-) -> str:
-    return LEG.format(
-        actuators=actuators, hip=hip, knee=knee, root=root, default=default, keyframe=keyframe
-    )
+def text(actuators: str, root: str = "<freejoint/>", **parts: str) -> str:
+    return LEG.format(actuators=actuators, root=root, **USUAL | parts)
+
+
+def servo_of(kind: str) -> str:
+    return f'<{SERVOS[kind]} joint="knee"/>'
 
 
 def torque(robot: Robot, values: np.ndarray) -> np.ndarray:
@@ -88,13 +73,13 @@ def torque(robot: Robot, values: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", SERVOS)
 def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
-    servo, limit = SERVOS[kind]
+    limit = LIMITS.get(kind, 8.0)
     knee = 'actuatorfrcrange="-9 9"' if limit == 9.0 else ""
-    robot = Robot.from_mjcf(text(HIP + servo, knee=knee), ["toe"], home={})
+    robot = Robot.from_mjcf(text(HIP + servo_of(kind), knee=knee), ["toe"], home={})
     np.testing.assert_allclose(robot.torque_limit, [5.0, limit])
     for share in (0.5, -1.0, 3.0):
         expected = np.clip(share * robot.torque_limit, -robot.torque_limit, robot.torque_limit)
-        if kind == "affine general" and share == 3.0:
+        if kind == "affine" and share == 3.0:
             expected[1] = 9.0
         np.testing.assert_allclose(torque(robot, share * robot.torque_limit), expected)
     assert robot.notes == ("Torque motors in place of 1 servos: see servo_gains.",)
@@ -104,13 +89,11 @@ def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
 @pytest.mark.parametrize("kind", SERVOS)
 def test_gains_are_what_the_servo_did(kind: str) -> None:
     """Against MuJoCo's own servo, by differences of its torque."""
-    servo, _ = SERVOS[kind]
-    unlimited = re.sub('(forcerange|ctrlrange|actrange)="[^"]*"', "", servo)
+    unlimited = re.sub('(forcerange|ctrlrange|actrange)="[^"]*"', "", servo_of(kind))
     if kind == "integrated velocity":
         unlimited = unlimited.replace("/>", ' actrange="-1 1"/>')
     model = mujoco.MjModel.from_xml_string(text(unlimited))
     found = Robot.from_mjcf(text(HIP + unlimited), ["toe"], torque_limit={"knee": 9.0}).servo_gains
-    assert found is not None
 
     def servo_torque(angle: float, rate: float) -> float:
         data = mujoco.MjData(model)
@@ -145,21 +128,16 @@ def test_without_any_actuator_one_number_will_do() -> None:
 
 def test_limits_that_are_given_replace_those_of_the_file() -> None:
     strong = '<motor joint="knee" gear="10" ctrlrange="-0.1 0.1" forcerange="-0.2 0.2"/>'
-    robot = Robot.from_mjcf(
-        text(HIP + strong, knee='actuatorfrcrange="-1 1"'),
-        ["toe"],
-        torque_limit={"*": 20.0, "hip": 4.0},
-        home={},
-    )
+    told, limits = text(HIP + strong, knee='actuatorfrcrange="-1 1"'), {"*": 20.0, "hip": 4.0}
+    robot = Robot.from_mjcf(told, ["toe"], torque_limit=limits, home={})
     np.testing.assert_allclose(robot.torque_limit, [4.0, 20.0])
     np.testing.assert_allclose(torque(robot, np.array([-9.0, 90.0])), [-4.0, 20.0])
     assert robot.notes == ("Torque limits as given on all joints.",)
 
 
 def test_armature_by_name_and_pattern() -> None:
-    robot = Robot.from_mjcf(
-        text("", default=""), ["toe"], torque_limit=7, armature={"*": 0.02, "hip": 0.03}
-    )
+    given = {"torque_limit": 7, "armature": {"*": 0.02, "hip": 0.03}}
+    robot = Robot.from_mjcf(text("", default=""), ["toe"], **given)
     np.testing.assert_allclose(robot.model.dof_armature, [0.0] * 6 + [0.03, 0.02])
     assert "Armature as given on hip, knee." in robot.notes
 
@@ -173,12 +151,10 @@ def test_keyframes_keep_their_poses_when_actuators_come() -> None:
 @pytest.mark.parametrize("loss", ["armature", "damping", "frictionloss", "stiffness"])
 def test_the_free_joint_loses_what_falsifies_the_momentum(loss: str) -> None:
     """It comes from defaults; the other joints keep it."""
-    robot = Robot.from_mjcf(
-        text("", default=f'{loss}="0.1"', root='<joint type="free"/>'), ["toe"], torque_limit=5
-    )
-    assert f"Removed from the free joint, where it would falsify the momentum: {loss} 0.1." in (
-        robot.notes
-    )
+    free = text("", default=f'{loss}="0.1"', root='<joint type="free"/>')
+    robot = Robot.from_mjcf(free, ["toe"], torque_limit=5)
+    note = f"Removed from the free joint, where it would falsify the momentum: {loss} 0.1."
+    assert note in robot.notes
     model, data = robot.model, mujoco.MjData(robot.model)
     for field in (model.dof_armature, model.dof_damping, model.dof_frictionloss):
         assert not np.any(field[:6])
@@ -213,13 +189,9 @@ def test_bad_motors(options: dict[str, Any], message: str) -> None:
 
 def test_motors_that_are_added_take_nothing_from_the_files_defaults() -> None:
     """These are meant for the actuators that the file has itself."""
-    text = LEG.format(
-        default="", root="<freejoint/>", hip='actuatorfrcrange="-50 50"', keyframe="",
-        knee='actuatorfrcrange="-50 50"', actuators="",
-    )  # fmt: skip
+    limited = text("", default="", **dict.fromkeys(("hip", "knee"), 'actuatorfrcrange="-50 50"'))
     usual = '<position kp="100" ctrlrange="-1 1" forcerange="-20 20"/><motor gear="3"/>'
-    text = text.replace("<default>", f"<default>{usual}", 1)
-    robot = Robot.from_mjcf(text, ["toe"])
+    robot = Robot.from_mjcf(limited.replace("<default>", f"<default>{usual}", 1), ["toe"])
     np.testing.assert_array_equal(robot.torque_limit, 50.0)
     data = mujoco.MjData(robot.model)
     data.ctrl[:] = 30.0

@@ -8,6 +8,7 @@ import pytest
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
+from tests.postures import posed
 
 LEGS = {"front_left": (0.2, 0.1), "front_right": (0.2, -0.1), "hind_left": (-0.2, 0.1)}
 LEGS["hind_right"] = (-0.2, -0.1)
@@ -79,10 +80,7 @@ def test_a_link_called_world_is_the_world(kind: str) -> None:
 
 def test_feet_on_fixed_joints_can_be_named_and_carry_the_weight() -> None:
     robot = Robot.from_mjcf(urdf(), [f"{leg}_foot" for leg in LEGS], home="stand")
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    data.qpos[2] -= 0.001
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot, robot.home_qpos - 1e-3 * np.eye(robot.nq)[2])
     total = data.sensordata[robot.contact_sensor].sum(axis=0)
     np.testing.assert_allclose(total, data.qfrc_constraint[:3], atol=1e-6)
     assert total[2] > 0.0 and robot.check() == []

@@ -39,9 +39,8 @@ def test_a_keyframe_is_where_standing_up_begins() -> None:
     pose = robot.home_qpos.copy()
     pose[3:7] = [np.cos(0.002), 0.0, np.sin(0.002), 0.0]  # leaning a little
     key = f'<keyframe><key name="home" qpos="{" ".join(map(str, pose))}"/></keyframe>'
-    leaning = Robot.from_mjcf(
-        zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>"), home="stand"
-    )
+    text = zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>")
+    leaning = Robot.from_mjcf(text, home="stand")
     np.testing.assert_allclose(leaning.home_qpos[3:7], pose[3:7])
     np.testing.assert_allclose(leaning.home_qpos[7:], pose[7:], atol=0.02)
 
@@ -164,16 +163,10 @@ def test_feet_stand_on_their_soles_however_they_are_tilted_before(named, knees, 
 
 
 ARC = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-OUTLINE = np.concatenate(
-    [
-        np.column_stack([0.03 + 0.1 * np.cos(ARC), 0.05 * np.sin(ARC), np.full(24, z)])
-        for z in (-0.06, -0.02)
-    ]
-)
+BELOW = np.column_stack([0.03 + 0.1 * np.cos(ARC), 0.05 * np.sin(ARC), np.full(24, -0.06)])
+VERTICES = " ".join(f"{v:.6g}" for v in [*BELOW.ravel(), *(BELOW + [0, 0, 0.04]).ravel()])
 ROUND = '<geom type="mesh" mesh="sole" mass="0.5"/>'
-ASSET = (
-    f'<asset><mesh name="sole" vertex="{" ".join(f"{v:.6g}" for v in OUTLINE.ravel())}"/></asset>'
-)
+ASSET = f'<asset><mesh name="sole" vertex="{VERTICES}"/></asset>'
 HEEL_TO_TOE = '<geom type="capsule" fromto="-0.07 0 -0.04 0.13 0 -0.04" size="0.02" mass="0.5"/>'
 
 
@@ -200,8 +193,5 @@ def test_a_foot_on_its_edge_is_told() -> None:
     feet = ["left_foot", "right_foot"]
     robot = Robot.from_mjcf(two_legs(BOX), feet, home=pitched, torque_limit=100)
     told = [line for line in robot.check() if "edge" in line]
-    assert told == [
-        f"Foot '{side}_foot' stands on an edge at home: the flat side nearest to the ground is "
-        "tilted by 17 degrees."
-        for side in ("left", "right")
-    ]
+    edge = "an edge at home: the flat side nearest to the ground is tilted by 17 degrees."
+    assert told == [f"Foot '{side}_foot' stands on {edge}" for side in ("left", "right")]

@@ -25,11 +25,12 @@ def dog(extra: str = "", base: str = '<link name="base"/>') -> str:
     return urdf().replace('<link name="base"/>', base, 1).replace("</robot>", extra + "</robot>")
 
 
-def hinge(name: str, parent: str, child: str, limit: str, kind: str = "revolute") -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<axis xyz="0 0 1"/><origin xyz="0 0 0.1"/>{limit}</joint>'
-    )
+LIMIT = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+
+
+def hinge(name: str, parent: str, child: str, limit: str = LIMIT, kind: str = "revolute") -> str:
+    return f"""<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+      <axis xyz="0 0 1"/><origin xyz="0 0 0.1"/>{limit}</joint>"""
 
 
 def link(name: str, mass: float = 0.1, moment: float = 1e-4, cross: float = 0.0) -> str:
@@ -41,10 +42,7 @@ def link(name: str, mass: float = 0.1, moment: float = 1e-4, cross: float = 0.0)
     "inertia", [dict(mass=0.0, moment=0.0), dict(moment=1e-4, cross=2e-4), dict(moment=0.0)]
 )
 def test_inertias_that_no_body_has_are_mended(inertia: dict[str, float]) -> None:
-    joint = hinge(
-        "lidar", "trunk", "lidar", '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
-    )
-    robot = Robot.from_mjcf(dog(link("lidar", **inertia) + joint))
+    robot = Robot.from_mjcf(dog(link("lidar", **inertia) + hinge("lidar", "trunk", "lidar")))
     assert noted(robot, "Masses and inertias that no body has")
     assert robot.mass == pytest.approx(Robot.from_mjcf(urdf()).mass, abs=0.11)
     assert np.linalg.eigvalsh(mass_matrix(robot)).min() > 0.0
@@ -78,9 +76,8 @@ def test_limits_that_are_not_given_lock_nothing() -> None:
 
 
 def test_fingers_that_follow_are_locked_and_legs_that_do_are_refused() -> None:
-    limit = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
-    fingers = link("thumb") + link("finger") + hinge("thumb", "trunk", "thumb", limit)
-    follows = hinge("finger", "trunk", "finger", limit + '<mimic joint="thumb" multiplier="2"/>')
+    fingers = link("thumb") + link("finger") + hinge("thumb", "trunk", "thumb")
+    follows = hinge("finger", "trunk", "finger", LIMIT + '<mimic joint="thumb" multiplier="2"/>')
     robot = Robot.from_mjcf(dog(fingers + follows))
     assert robot.num_joints == 8
     assert noted(robot, "which an <equality> or <mimic> ties: thumb, finger.")
@@ -128,12 +125,19 @@ def test_a_foot_that_lost_its_mesh_is_refused(tmp_path: Path) -> None:
         Robot.from_mjcf(path)
 
 
-BIPED = (Path(__file__).parents[2] / "assets" / "go1.xml").read_text()
+GO1 = (Path(__file__).parents[2] / "assets" / "go1.xml").read_text()
 
 
 def changed(old: str, new: str) -> Robot:
-    assert old in BIPED
-    return Robot.from_mjcf(BIPED.replace(old, new, 1))
+    assert old in GO1
+    return Robot.from_mjcf(GO1.replace(old, new, 1))
+
+
+def with_knee(attribute: str, text: str = GO1) -> str:
+    """A file whose front left knee has an attribute, in place of the one that it had."""
+    knee, name = '<joint name="front_left_knee"', attribute.partition("=")[0]
+    text = text.replace(knee, knee.replace(" ", f" {attribute} ", 1))
+    return re.sub(rf'(<joint {re.escape(attribute)} [^>]*?) {name}="[^"]*"', r"\1", text)
 
 
 def test_idle_joints_beside_the_robot_are_left_out() -> None:
@@ -150,13 +154,8 @@ def test_joints_tied_to_a_constant_are_locked() -> None:
     pose = free.home_qpos.copy()
     pose[7:] = free.model.qpos0[7:]
     pose[7 + free.joint_names.index("front_left_hip_roll")] = 0.2
-    data = mujoco.MjData(free.model)
-    data.qpos[:] = pose
-    mujoco.mj_kinematics(free.model, data)
-    own = mujoco.MjData(robot.model)
-    own.qpos[:] = robot.model.qpos0
-    own.qpos[:7] = pose[:7]
-    mujoco.mj_kinematics(robot.model, own)
+    data = posed(free, pose)
+    own = posed(robot, np.append(pose[:7], robot.model.qpos0[7:]))
     for foot in free.feet:
         name = free.model.body(foot.body).name
         np.testing.assert_allclose(own.body(name).xpos, data.body(name).xpos, atol=1e-9)
@@ -168,7 +167,7 @@ def test_keyframes_a_little_out_of_range_are_clipped(off: float, fine: bool) -> 
     pose = go1.home_qpos.copy()
     pose[8] = go1.joint_range[1, 1] + off
     key = f'<keyframe><key name="home" qpos="{" ".join(map(str, pose))}"/></keyframe></mujoco>'
-    text = BIPED.replace("</mujoco>", key)
+    text = GO1.replace("</mujoco>", key)
     if fine:
         robot = Robot.from_mjcf(text)
         assert noted(robot, "Keyframes clipped to the joints' ranges: home.")
@@ -180,12 +179,10 @@ def test_keyframes_a_little_out_of_range_are_clipped(off: float, fine: bool) -> 
 
 def ball(radius: float, faces: int) -> str:
     """Vertices of a ball, or of a cylinder that lies across."""
-    turns = 2.0 * np.pi * np.arange(faces) / faces
-    tilts = np.pi * (np.arange(faces) + 0.5) / faces
-    points = [
-        [np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)] for a in turns for b in tilts
-    ]
-    return " ".join(f"{radius * x:.7f}" for point in points for x in point)
+    turn = 2.0 * np.pi * np.arange(faces)[:, None] / faces
+    tilt = np.pi * (np.arange(faces) + 0.5) / faces + 0.0 * turn
+    points = np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)
+    return " ".join(f"{radius * x:.7f}" for x in np.stack(points, axis=-1).ravel())
 
 
 MESH_FOOT = '<geom type="mesh" mesh="sole" mass="1"/>'
@@ -206,16 +203,13 @@ def test_a_small_round_foot_is_one_sphere(shape: str, faces: int) -> None:
     robot = Robot.from_mjcf(text, ["foot"])
     foot = robot.feet[0]
     assert foot.num_points == 1 and foot.radius == pytest.approx(0.02, rel=0.35)
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    data.qpos[3:7] = [np.cos(0.1), 0.0, np.sin(0.1), 0.0]
-    mujoco.mj_kinematics(robot.model, data)
+    leaning = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
+    data = posed(robot, np.concatenate([robot.home_qpos[:3], leaning, robot.home_qpos[7:]]))
     data.qpos[2] -= foot.touching(data)[0, 2] + 1e-3
     mujoco.mj_forward(robot.model, data)
     assert data.ncon and data.contact.dist.min() == pytest.approx(-1e-3, abs=1e-3)
-    np.testing.assert_allclose(
-        data.contact.pos[:, :2].mean(axis=0), foot.touching(data)[0, :2], atol=4e-3
-    )
+    place = data.contact.pos[:, :2].mean(axis=0)
+    np.testing.assert_allclose(place, foot.touching(data)[0, :2], atol=4e-3)
 
 
 def test_wheels_are_refused() -> None:
@@ -254,21 +248,16 @@ def test_bodies_that_lie_in_one_another_at_home_touch_no_more() -> None:
     ],
 )
 def test_what_a_flag_switches_off_is_gone(flag: str, attribute: str, field: str) -> None:
-    text = BIPED.replace("<option ", f'<option><flag {flag}="disable"/></option><option ', 1)
-    text = re.sub(
-        r'<joint name="front_left_knee"', f'<joint {attribute}="2" name="front_left_knee"', text
-    )
-    text = re.sub(rf'(<joint {attribute}="2" [^>]*?) {attribute}="[^"]*"', r"\1", text)
-    robot = Robot.from_mjcf(text)
+    text = GO1.replace("<option ", f'<option><flag {flag}="disable"/></option><option ', 1)
+    robot = Robot.from_mjcf(with_knee(f'{attribute}="2"', text))
     assert not np.any(getattr(robot.model, field)) and noted(robot, "switches them off")
 
 
 def test_a_friction_that_overrides_is_that_of_the_geoms() -> None:
     option = '<option o_friction="0.3 0.3 0.01 0.001 0.001"><flag override="enable"/></option>'
-    robot = Robot.from_mjcf(BIPED.replace("<option ", option + "<option ", 1))
-    assert set(robot.model.geom_friction[robot.at_home.touching & ~robot.at_home.ground, 0]) == {
-        0.3
-    }
+    robot = Robot.from_mjcf(GO1.replace("<option ", option + "<option ", 1))
+    own = robot.at_home.touching & ~robot.at_home.ground
+    assert set(robot.model.geom_friction[own, 0]) == {0.3}
     assert any("friction is 0.3" in sentence for sentence in robot.check())
 
 
@@ -290,11 +279,6 @@ def test_names_of_ours_may_be_in_a_file() -> None:
 )
 def test_numbers_that_no_simulation_carries_are_refused(attribute, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    name = attribute.partition("=")[0]
-    text = re.sub(
-        r'<joint name="front_left_knee"', f'<joint {attribute} name="front_left_knee"', BIPED
-    )
-    text = re.sub(rf'(<joint {re.escape(attribute)} [^>]*?) {name}="[^"]*"', r"\1", text)
     with pytest.raises(RobotError):
-        Robot.from_mjcf(text)
+        Robot.from_mjcf(with_knee(attribute))
     assert not list(tmp_path.iterdir())  # no MUJOCO_LOG.TXT

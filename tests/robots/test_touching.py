@@ -9,6 +9,7 @@ import pytest
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 from fbid_gym.robots.contact_sensors import cells
+from tests.postures import posed
 
 FOOT = """
 <mujoco>
@@ -32,6 +33,9 @@ FOOT = """
 
 BOX = '<geom type="box" size="0.1 0.06 0.02" mass="1"/>'
 SPHERE = '<geom size="0.03" pos="{} {} 0" mass="0.2"/>'
+MANY = "".join(SPHERE.format(x, y) for x in (-0.1, 0.0, 0.1) for y in (-0.05, 0.0, 0.05))
+UNEQUAL = SPHERE.format(0.1, 0) + '<geom size="0.02" pos="-0.1 0 -0.01" mass="0.2"/>'
+WELDED = f'<geom size="0.03" mass="1"/><body name="shoe" pos="0 0 -0.1">{BOX}</body>'
 SHAPES = {
     "box": (BOX, 4, 0.0),
     "sphere": ('<geom name="tip" size="0.03" mass="1"/>', 1, 0.03),
@@ -41,21 +45,9 @@ SHAPES = {
     "standing cylinder": ('<geom type="cylinder" size="0.05 0.02" mass="1"/>', 8, 0.0),
     "ellipsoid": ('<geom type="ellipsoid" size="0.05 0.03 0.02" euler="0 20 0" mass="1"/>', 1, 0.0),
     "mesh": ('<geom type="mesh" mesh="sole" mass="1"/>', 4, 0.0),
-    "many spheres": (
-        "".join(SPHERE.format(x, y) for x in (-0.1, 0.0, 0.1) for y in (-0.05, 0.0, 0.05)),
-        4,
-        0.03,
-    ),
-    "unequal spheres": (
-        SPHERE.format(0.1, 0) + '<geom size="0.02" pos="-0.1 0 -0.01" mass="0.2"/>',
-        2,
-        0.0,
-    ),
-    "a box on a welded body": (
-        f'<geom size="0.03" mass="1"/><body name="shoe" pos="0 0 -0.1">{BOX}</body>',
-        4,
-        0.0,
-    ),
+    "many spheres": (MANY, 4, 0.03),
+    "unequal spheres": (UNEQUAL, 2, 0.0),
+    "a box on a welded body": (WELDED, 4, 0.0),
 }
 
 
@@ -91,10 +83,7 @@ def test_a_shape_touches_where_mujoco_says(shape: str, rng: np.random.Generator)
     _, count, radius = SHAPES[shape]
     foot = robot.feet[0]
     assert (foot.num_points, foot.radius) == (count, radius)
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    data.qpos[2] -= 1e-4
-    mujoco.mj_forward(robot.model, data)
+    data = posed(robot, robot.home_qpos - 1e-4 * np.eye(robot.nq)[2])
     points = data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
     contacts = data.contact.pos
     assert contacts[:, 2] == pytest.approx(0.0, abs=1e-4)
@@ -148,6 +137,10 @@ def test_bodies_that_cannot_touch(rng: np.random.Generator) -> None:
         Robot.from_mjcf(text)
 
 
+def within(places: np.ndarray, cell: Any) -> np.ndarray:
+    return np.all(np.abs((places - cell.centre) @ cell.axes) <= cell.half_size, axis=-1)
+
+
 @pytest.mark.parametrize("count", range(2, 9))
 def test_cells_share_out_space(rng: np.random.Generator, count: int) -> None:
     """Each point lies in its own cell; any place lies in exactly one."""
@@ -155,12 +148,7 @@ def test_cells_share_out_space(rng: np.random.Generator, count: int) -> None:
         points = rng.normal(size=(count, 3)) * ([1.0, 0.4, 0.0] if flat else [1.0, 0.4, 0.1])
         found = cells(points, 20.0)
         places = np.concatenate([points, rng.normal(size=(500, 3))])
-        inside = np.array(
-            [
-                np.all(np.abs((places - cell.centre) @ cell.axes) <= cell.half_size, axis=1)
-                for cell in found
-            ]
-        )
+        inside = np.array([within(places, cell) for cell in found])
         np.testing.assert_array_equal(inside[:, :count], np.eye(count, dtype=bool))
         np.testing.assert_array_equal(inside.sum(axis=0), 1)
 
@@ -169,4 +157,4 @@ def test_cells_of_a_sole_are_its_quarters() -> None:
     corners = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)])
     for corner, cell in zip(corners, cells(corners, 1.0), strict=True):
         for place in corner * np.array([[0.1, 0.1, 0.0], [3.0, 0.1, 0.0], [0.1, 3.0, 0.0]]):
-            assert np.all(np.abs((place - cell.centre) @ cell.axes) <= cell.half_size)
+            assert within(place, cell)

@@ -23,33 +23,13 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.runtime import SENSORS, Controller
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
+from tests.postures import sensed
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (0.4, 0.1, 0.3)
-SHIPPED = (
-    "QuadrupedWalk-v0/base_acceleration",
-    "QuadrupedWalk-v0/com_wrench",
-    "QuadrupedWalk-v0/joint_position_gait",
-    "BipedWalk-v0/base_acceleration",
-    "BipedWalk-v0/com_wrench",
-    "BipedWalk-v0/joint_position_gait",
-    "BipedBalance-v0/base_acceleration",
-    "BipedSquat-v0/joint_position",
-)
-
-
-def sensed(state: RobotState) -> dict[str, np.ndarray]:
-    """What the sensors of the only robot of a simulation read."""
-    qpos, qvel = state.qpos[0], state.qvel[0]
-    return {
-        "position": qpos[:3],
-        "orientation": qpos[3:7],
-        "velocity": qvel[:3],
-        "angular_velocity": qvel[3:6],
-        "joint_position": qpos[7:],
-        "joint_velocity": qvel[6:],
-        "contact_force": state.contact_force[0],
-    }
+LAYERS = "base_acceleration", "com_wrench", "joint_position_gait"
+SHIPPED = [f"{robot}Walk-v0/{layer}" for robot in ("Quadruped", "Biped") for layer in LAYERS]
+SHIPPED += ["BipedBalance-v0/base_acceleration", "BipedSquat-v0/joint_position"]
 
 
 def apart(monkeypatch, batch, controller, policy, command=None, heights=None) -> list[float]:
@@ -58,8 +38,8 @@ def apart(monkeypatch, batch, controller, policy, command=None, heights=None) ->
     taken, advance = [], batch.simulation.tick
 
     def tick(torque, push, effort, state):
-        given = state if len(taken) % 2 else sensed(state)
-        torques = controller.tick(given, heights)
+        single = sensed(state.qpos[0], state.qvel[0], state.contact_force[0])
+        torques = controller.tick(state if len(taken) % 2 else single, heights)
         advance(torque, push, effort, state)
         taken.append(np.abs(torques - effort.torque[0]).max())
 
@@ -130,9 +110,8 @@ def test_a_policy_that_sees_the_ground_is_told_its_heights(monkeypatch):
 def at_home(controller: Controller) -> dict[str, np.ndarray]:
     """What the sensors of a robot read that stands at home."""
     robot = controller.robot
-    force = np.tile([0.0, 0.0, robot.weight / robot.num_points], (1, robot.num_points, 1))
-    state = RobotState(robot.home_qpos[None], np.zeros((1, robot.nv)), force, np.zeros(1, np.int64))
-    return sensed(state)
+    force = np.tile([0.0, 0.0, robot.weight / robot.num_points], (robot.num_points, 1))
+    return sensed(robot.home_qpos, np.zeros(robot.nv), force)
 
 
 @pytest.fixture(scope="module")
@@ -151,22 +130,31 @@ def test_whether_feet_touch_is_enough(walker):
     np.testing.assert_allclose([walker.tick(touching) for _ in ticks], forces, rtol=0, atol=1e-12)
 
 
+def without(name: str, sensors: dict) -> dict:
+    return {other: value for other, value in sensors.items() if other != name}
+
+
+def refuse_failures_of(name, controller, sensors, needed=True):
+    """Each wrong reading of a sensor is named, at every tick, and leaves the controller alone."""
+    ticks, whole = range(controller.rates.ticks), np.array(sensors[name])
+    rest = whole.ravel()[:-1]
+    controller.reset()
+    expected = [controller.tick(sensors) for _ in ticks]
+    bad = [np.append(rest, end).reshape(whole.shape) for end in (np.nan, np.inf)]
+    cases = [({**sensors, name: value}, NonFiniteError) for value in bad]
+    cases += [({**sensors, name: rest}, ShapeError), ({**sensors, name: "x"}, InvalidValueError)]
+    cases += [(without(name, sensors), InvalidValueError)] if needed else []
+    controller.reset()
+    for tick in ticks:
+        for given, error in cases:
+            with pytest.raises(error, match=name):
+                controller.tick(given)
+        np.testing.assert_array_equal(controller.tick(sensors), expected[tick])
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_that_fails_is_named_and_nothing_goes_on(walker, name):
-    sensors, ticks = at_home(walker), range(walker.rates.ticks)
-    walker.reset()
-    expected = [walker.tick(sensors) for _ in ticks]
-    walker.reset()
-    for tick in ticks:
-        bad = np.array(sensors[name])
-        bad.flat[-1] = np.nan
-        wrong = {**sensors, name: bad}, {**sensors, name: bad.ravel()[:-1]}, {**sensors, name: "x"}
-        lacking = {other: value for other, value in sensors.items() if other != name}
-        errors = (NonFiniteError, ShapeError, InvalidValueError, InvalidValueError)
-        for given, error in zip((*wrong, lacking), errors, strict=True):
-            with pytest.raises(error, match=name):
-                walker.tick(given)
-        np.testing.assert_array_equal(walker.tick(sensors), expected[tick])
+    refuse_failures_of(name, walker, at_home(walker))
 
 
 def test_what_else_is_no_state(walker):

@@ -1,6 +1,7 @@
 """A controller that is given what sensors read: its environment's torques, and what it refuses."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.runtime import READINGS, Controller
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
+from tests.runtime.test_controller import refuse_failures_of, without
 
 WALK, COMMAND = "fbid_gym/QuadrupedWalk-v0", (0.4, 0.1, 0.3)
 SHIPPED = Policy.load("shipped:QuadrupedWalk-v0/base_acceleration")
+SLOW_ENCODERS = {"like": "raw", "encoder_rate": 125, "estimator": "linear"}
 
 
 def read(estimator) -> dict[str, np.ndarray]:
@@ -25,9 +28,7 @@ def read(estimator) -> dict[str, np.ndarray]:
     return found | {"fresh": own.fresh[0]}
 
 
-def side_by_side(
-    monkeypatch, policy, given=lambda sensors: sensors, steps=100, there=False, **more
-):
+def side_by_side(monkeypatch, policy, given=dict, steps=100, there=False, **more):
     """Drive a simulation, whose readings the controller has: by how much their torques differ.
 
     And the batch, and by how much their readings differ at the last tick, by name. The controller
@@ -35,7 +36,6 @@ def side_by_side(
     """
     arguments = {**ENVIRONMENTS[WALK], **SHIPPED.env_args, "episode_seconds": 4.0, **more}
     batch, controller = started(arguments, 1), Controller(EnvConfig.of(arguments), policy)
-    assert batch.perception is not None
     estimator, advance = batch.perception.estimator, batch.simulation.tick
     apart, last = [], {}
     size = len(controller.observation_names)
@@ -74,13 +74,7 @@ def linear(seen: np.ndarray) -> np.ndarray:
         (SHIPPED, {"sensors": "mems"}),
         (linear, {"sensors": "mems", "observation": "measured+estimate", "history": 3}),
         (SHIPPED, {"sensors": {"like": "mems", "contact": "torque"}, "there": True}),
-        (
-            linear,
-            {
-                "sensors": {"like": "raw", "encoder_rate": 125, "estimator": "linear"},
-                "observation": "measured",
-            },
-        ),
+        (linear, {"sensors": SLOW_ENCODERS, "observation": "measured"}),
     ],
 )
 def test_its_torques_are_those_of_the_environment(policy, more, monkeypatch):
@@ -93,25 +87,16 @@ def test_its_torques_are_those_of_the_environment(policy, more, monkeypatch):
 
 def test_velocities_that_are_not_read_are_differences(monkeypatch):
     """Filtered as the environment's sensors do it, so that only the start is another."""
-
-    def without(sensors):
-        del sensors["joint_velocity"]
-        return sensors
-
-    apart, _, last = side_by_side(monkeypatch, SHIPPED, without, 30, sensors="mems")
+    given = partial(without, "joint_velocity")
+    apart, _, last = side_by_side(monkeypatch, SHIPPED, given, 30, sensors="mems")
     assert max(last.values()) < 1e-9
     assert apart[-30:].max() < 1e-2 < apart.max()
 
 
 def test_feet_without_sensors_are_told_by_torques(monkeypatch):
     """But for the start: which foot bears how much nobody says then."""
-
-    def without(sensors):
-        del sensors["contact_load"]
-        return sensors
-
-    more = {"sensors": {"like": "mems", "contact": "torque"}}
-    _, batch, last = side_by_side(monkeypatch, SHIPPED, without, 60, **more)
+    own, given = {"like": "mems", "contact": "torque"}, partial(without, "contact_load")
+    _, batch, last = side_by_side(monkeypatch, SHIPPED, given, 60, sensors=own)
     assert last["contact_load"] < 0.02 * batch.robot.weight
 
 
@@ -133,19 +118,7 @@ def at_rest(controller: Controller) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("name", READINGS)
 def test_a_reading_that_fails_is_named_and_nothing_goes_on(walker, name):
-    sensors, ticks = at_rest(walker), range(walker.rates.ticks)
-    walker.reset()
-    expected = [walker.tick(sensors) for _ in ticks]
-    walker.reset()
-    lacking = {other: value for other, value in sensors.items() if other != name}
-    bad = np.array(sensors[name])
-    bad[-1] = np.inf
-    wrong = [{**sensors, name: value} for value in (bad, bad[:-1], "x")]
-    for tick in ticks:
-        for given in wrong if name == "joint_velocity" else (*wrong, lacking):
-            with pytest.raises(FbidError, match=name):
-                walker.tick(given)
-        np.testing.assert_array_equal(walker.tick(sensors), expected[tick])
+    refuse_failures_of(name, walker, at_rest(walker), needed=name != "joint_velocity")
 
 
 def test_a_state_will_do_and_an_estimate_goes_on_where_it_was(walker):

@@ -42,17 +42,9 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
     torque = np.zeros((count, robot.num_joints)) if torque is None else torque
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     state = RobotState(qpos, qvel, contact, tick)
-    return Outcome(
-        state,
-        terms,
-        task.body.posture(state, terms),
-        torque,
-        np.sqrt(np.square(torque).mean(axis=1)),
-        np.abs(torque * qvel[:, 6:]).sum(axis=1),
-        np.zeros(count),
-        np.zeros(count),
-        terms,
-    )
+    rms, power = np.sqrt(np.square(torque).mean(axis=1)), np.abs(torque * qvel[:, 6:]).sum(axis=1)
+    posture, none = task.body.posture(state, terms), np.zeros(count)
+    return Outcome(state, terms, posture, torque, rms, power, none, none, terms)
 
 
 def observed(task, outcome, plan):
@@ -83,21 +75,23 @@ def at_random(task, rng, count):
         turn = rng.normal(size=4) * [1, 0, 0, 1]
         mujoco.mju_mulQuat(row[3:7], turn / np.linalg.norm(turn), tilt / np.linalg.norm(tilt))
     qpos[:, 7:] += 0.1 * rng.normal(size=(count, robot.num_joints))
-    return (
-        qpos,
-        rng.normal(size=(count, robot.nv)),
-        {
-            "contact": np.abs(rng.normal(size=(count, robot.num_points, 3))) * robot.weight,
-            "tick": rng.integers(0, 5000, count),
-            "torque": rng.uniform(-1, 1, (count, robot.num_joints)) * robot.torque_limit,
-        },
-    )
+    qvel = rng.normal(size=(count, robot.nv))
+    rest = {"contact": np.abs(rng.normal(size=(count, robot.num_points, 3))) * robot.weight}
+    rest["tick"] = rng.integers(0, 5000, count)
+    rest["torque"] = rng.uniform(-1, 1, (count, robot.num_joints)) * robot.torque_limit
+    return qpos, qvel, rest
 
 
 def feet_of(robot, qpos, qvel):
     """MjData, contact points (P, 3) and their velocities."""
     data = posed(robot, qpos, qvel)
     return data, points(robot, data), point_jacobians(robot, data) @ qvel
+
+
+def home_layout(robot):
+    """At home: the contact points about their centre from above (P, 2), and the base from it."""
+    home, places, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
+    return (places - places.mean(axis=0))[:, :2], home.xpos[robot.base_body] - places.mean(axis=0)
 
 
 def heading_of(places, layout):
@@ -119,9 +113,7 @@ def test_the_observation_is_what_its_names_say(task, rng):
     robot, plan = task.body.robot, plans(task, 6)
     qpos, qvel, rest = at_random(task, rng, 6)
     seen = observed(task, outcome_at(task, qpos, qvel, **rest), plan)
-    home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
-    layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
-    home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
+    layout, home_base = home_layout(robot)
     for row in range(6):
         data, places, _ = feet_of(robot, qpos[row], qvel[row])
         angle = heading_of(places, layout)
@@ -164,9 +156,7 @@ def test_rewards_are_their_formulas(task, rng):
     rest["torque"] *= 0.5
     rest["contact"][::3, 0] *= 1e-3  # some places carry less than 1 % of the weight
     rewards, metrics = judged(task, outcome_at(task, qpos, qvel, **rest), plan)
-    home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
-    layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
-    home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
+    layout, home_base = home_layout(robot)
     for row in range(20):
         data, places, velocities = feet_of(robot, qpos[row], qvel[row])
         angle = heading_of(places, layout)
@@ -194,12 +184,9 @@ def test_rewards_are_their_formulas(task, rng):
         assert metrics["height_command"][row] == command
         assert metrics["height_error"][row] == pytest.approx(base[2] - command)
         assert metrics["slip"][row] == pytest.approx(slip)
-        assert metrics["torque_rms"][row] == pytest.approx(
-            np.sqrt(np.mean(rest["torque"][row] ** 2))
-        )
-        assert metrics["power"][row] == pytest.approx(
-            np.abs(rest["torque"][row] * qvel[row, 6:]).sum()
-        )
+        torque = rest["torque"][row]
+        assert metrics["torque_rms"][row] == pytest.approx(np.sqrt(np.mean(torque**2)))
+        assert metrics["power"][row] == pytest.approx(np.abs(torque * qvel[row, 6:]).sum())
 
 
 def test_a_tilted_base_has_fallen(task):
@@ -246,9 +233,8 @@ def test_commands_are_constant_for_a_while_and_within_range(robot):
         gaps = np.diff(np.append(0, changes))
         assert gaps.min() >= 0.5 * HZ - 1 and gaps.max() <= 1.0 * HZ + 1
         assert len(changes) >= 9
-        np.testing.assert_array_equal(
-            heights[::97, row], [commanded(plan, row, tick) for tick in ticks[::97]]
-        )
+        expected = [commanded(plan, row, tick) for tick in ticks[::97]]
+        np.testing.assert_array_equal(heights[::97, row], expected)
 
 
 def test_starts_are_upright_near_home_with_any_heading(robot):

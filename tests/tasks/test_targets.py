@@ -12,6 +12,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Now
+from tests.batches import assert_same
 
 PLANNED = ("QuadrupedBalance-v0", "BipedSquat-v0", "BipedStep-v0", "QuadrupedCrawl-v0")
 WALKS = ("QuadrupedWalk-v0", "BipedWalk-v0")
@@ -24,12 +25,9 @@ def begun(name):
     robot = load(arguments["robot"])
     task = EnvConfig.of(arguments).make_task(robot)
     draws = [task.draw(np.random.default_rng(seed)) for seed in range(COUNT)]
-    same = {key for key in draws[0] if len({draw[key].shape for draw in draws}) == 1}
-    most = {key: max(draw[key].shape for draw in draws) for key in draws[0].keys() - same}
-    plan = {key: np.stack([draw[key] for draw in draws]) for key in same}
-    for key, shape in most.items():  # schedules, padded as those of environments are
-        padded = [np.resize(draw[key], shape) for draw in draws]
-        plan[key] = np.stack(padded)
+    # Schedules are padded as those of environments are.
+    most = {key: max(draw[key].shape for draw in draws) for key in draws[0]}
+    plan = {key: np.stack([np.resize(draw[key], most[key]) for draw in draws]) for key in most}
     force = np.zeros((COUNT, robot.num_points, 3))
     force[..., 2] = robot.weight / robot.num_points
     state = RobotState(plan["qpos"].copy(), plan["qvel"].copy(), force, np.zeros(COUNT, np.int64))
@@ -53,10 +51,7 @@ def test_asking_for_the_target_changes_nothing(name):
         once = [value.copy() for value in task.target(plan, now)]
         for again, first in zip(task.target(plan, now), once, strict=True):
             np.testing.assert_array_equal(again, first)
-        after = kept(plan, now.memory)
-        assert before.keys() == after.keys()
-        for key, value in before.items():
-            np.testing.assert_array_equal(after[key], value)
+        assert_same(kept(plan, now.memory), before)
 
 
 def along(robot, target, row, time):

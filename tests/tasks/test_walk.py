@@ -54,9 +54,8 @@ def test_the_command_is_that_which_began_last(batch):
     for tick in (0, 24, 25, 26, 1000, 4999):
         last = np.flatnonzero(plan["command_start"] <= tick)[-1]
         rows = {name: value[None] for name, value in plan.items()}
-        np.testing.assert_array_equal(
-            task.command(rows, np.array([tick]))[0], plan["command"][last]
-        )
+        command = task.command(rows, np.array([tick]))[0]
+        np.testing.assert_array_equal(command, plan["command"][last])
 
 
 def test_half_of_the_commands_come_by_ramps(batch):
@@ -93,7 +92,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
     command = task.command(batch._plan, batch._tick)
     memory = batch.loop.planned
     phase = 2.0 * np.pi * memory["seen_cycle"]
-    base = terms.world_from_base
+    base, above = terms.world_from_base, terms.base_position[:, 2] - memory["seen_ground"]
     ahead, left = np.einsum("nij,nj->in", heading_axes(batch), qvel[:, :2])
     yaw_rate = np.einsum("ni,nij,nj->n", [[0.0, 0.0, 1.0]] * len(base), base, qvel[:, 3:6])
     said = {
@@ -108,9 +107,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
         "base velocity ahead (m/s, heading)": ahead,
         "base velocity to the left (m/s, heading)": left,
         "base velocity up (m/s, heading)": qvel[:, 2],
-        "height of the base above the ground, from home (m)": terms.base_position[:, 2]
-        - memory["seen_ground"]
-        - task.body.home_height,
+        "height of the base above the ground, from home (m)": above - task.body.home_height,
     }
     for k, axis in enumerate("xyz"):
         said[f"up direction {axis} (base frame)"] = base[:, 2, k]

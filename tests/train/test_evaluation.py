@@ -27,9 +27,8 @@ def test_first_episode_of_every_robot_against_one_robot_at_a_time():
     assert 0 < row["survival"] < 1
     quartiles = np.quantile(returns, (0.25, 0.75))
     np.testing.assert_allclose((row["return_q25"], row["return_q75"]), quartiles)
-    np.testing.assert_allclose(
-        (row["return_mean"], row["return_std"]), (np.mean(returns), np.std(returns))
-    )
+    expected = np.mean(returns), np.std(returns)
+    np.testing.assert_allclose((row["return_mean"], row["return_std"]), expected)
 
 
 def test_same_seed_same_result_whatever_happened_before():

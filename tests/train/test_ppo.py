@@ -14,15 +14,12 @@ import train.training
 from fbid_gym.bundles import save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from tests.batches import assert_same
 from train.runs.config import ALGORITHMS, EvaluationConfig, PPOConfig
 
 
 def test_run_folder_is_complete(straight):
-    names = {path.name for path in straight.iterdir()} - {".lock"}
-    assert names == {
-        *("config.json", "versions.json", "progress.csv", "evaluations.csv"),
-        *("checkpoint.safetensors", "policy.safetensors", "policy_best.safetensors", "tensorboard"),
-    }
+    assert {path.name for path in straight.iterdir()} - {".lock"} == stand_in.FILES
     progress = stand_in.rows(straight / "progress.csv")
     assert [int(row["steps"]) for row in progress] == [128, 256, 384, 512, 640, 768]
     assert all(np.isfinite(float(value)) for row in progress[1:] for value in row.values())
@@ -104,36 +101,22 @@ def test_longer_run_continues_a_finished_one(tmp_path, algorithm):
     for name, steps in (("a", 384), ("a", 768), ("b", 768)):
         quiet = {"total_steps": steps, "eval": EvaluationConfig(every=0)}
         stand_in.train(tmp_path / name, algorithm=algorithm, **quiet)
-    a, b = stand_in.checkpoint(tmp_path / "a").tensors, stand_in.checkpoint(tmp_path / "b").tensors
-    for name in a:
-        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+    assert_same(*(stand_in.checkpoint(tmp_path / name).tensors for name in "ab"))
 
 
 def test_evaluation_does_not_disturb_the_training(straight, tmp_path):
     stand_in.train(tmp_path, eval=EvaluationConfig(every=0))
-    a, b = stand_in.checkpoint(straight).tensors, stand_in.checkpoint(tmp_path).tensors
-    for name in a:
-        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+    assert_same(*(stand_in.checkpoint(run).tensors for run in (straight, tmp_path)))
     assert len((tmp_path / "evaluations.csv").read_text().splitlines()) == 1
     assert Policy.load(tmp_path).trained_steps == 768
 
 
 def test_training_learns(tmp_path):
     """The stand-in can be learned: from falling in most episodes to surviving nearly all."""
-    stand_in.train(
-        tmp_path,
-        total_steps=8192,
-        num_envs=16,
-        ppo=PPOConfig(
-            n_steps=16,
-            batch_size=128,
-            learning_rate=3e-3,
-            target_kl=None,
-            log_std_init=-1.0,
-            hidden=(16, 16),
-        ),
-        eval=EvaluationConfig(every=8192, episodes=64),
-    )
+    batches = {"n_steps": 16, "batch_size": 128, "hidden": (16, 16)}
+    ppo = PPOConfig(**batches, learning_rate=3e-3, target_kl=None, log_std_init=-1.0)
+    every = EvaluationConfig(every=8192, episodes=64)
+    stand_in.train(tmp_path, total_steps=8192, num_envs=16, ppo=ppo, eval=every)
     first, last = stand_in.curve(tmp_path / "evaluations.csv")
     assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
 
@@ -181,12 +164,9 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path):
 
     Short episodes, so that robots fall and start anew before and after the kill.
     """
-    changes = {
-        "env": "fbid_gym/BipedBalance-v0",
-        "action_layer": "base_acceleration",
-        "env_args": {"push_interval": [0.2, 0.3], "push_force": [1500, 1500]},
-        "num_threads": 2,
-    }
+    changes = {"env": "fbid_gym/BipedBalance-v0", "action_layer": "base_acceleration"}
+    pushes = {"push_interval": [0.2, 0.3], "push_force": [1500, 1500]}
+    changes |= {"env_args": pushes, "num_threads": 2}
     stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
     for name in "ab":
         train.ppo.main(stand_in.config(tmp_path / name, **changes))
@@ -197,18 +177,11 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path):
 
 def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):
     """Which thread steps a robot is no part of its state."""
-    changes = {
-        "env": "fbid_gym/BipedBalance-v0",
-        "action_layer": "joint_position",
-        "env_args": {
-            "episode_seconds": 0.5,
-            "push_interval": [0.15, 0.3],
-            "randomisation": {"mass": 0.2, "friction": [0.5, 1.0]},
-        },
-        "num_envs": 5,
-        "ppo": PPOConfig(n_steps=16, batch_size=40, n_epochs=1, hidden=(8,)),
-        "eval": EvaluationConfig(every=160, episodes=3),
-    }
+    changes = {"env": "fbid_gym/BipedBalance-v0", "action_layer": "joint_position", "num_envs": 5}
+    own = {"episode_seconds": 0.5, "push_interval": [0.15, 0.3]}
+    own |= {"randomisation": {"mass": 0.2, "friction": [0.5, 1.0]}}
+    ppo = PPOConfig(n_steps=16, batch_size=40, n_epochs=1, hidden=(8,))
+    changes |= {"env_args": own, "ppo": ppo, "eval": EvaluationConfig(every=160, episodes=3)}
     train.ppo.main(stand_in.config(tmp_path / "a", **changes, total_steps=160, num_threads=2))
     for name in "ab":
         train.ppo.main(stand_in.config(tmp_path / name, **changes, total_steps=320))

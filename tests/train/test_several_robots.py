@@ -15,20 +15,14 @@ from train.ppo import main
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 from train.runs.robots import another
 
-ROBOTS = ("go1", "zoo:quadruped:0")
+ENV, ROBOTS = "fbid_gym/QuadrupedWalk-v0", ("go1", "zoo:quadruped:0")
 
 
 def config(tmp_path, robots):
-    return TrainConfig(
-        env="fbid_gym/QuadrupedWalk-v0",
-        env_args={"observation": "body", "episode_seconds": 0.2},
-        robots=robots,
-        num_envs=4,
-        total_steps=8,
-        ppo=PPOConfig(n_steps=2, hidden=(8,)),
-        eval=EvaluationConfig(every=8, episodes=2),
-        out=tmp_path / "run",
-    )
+    env = {"env": ENV, "env_args": {"observation": "body", "episode_seconds": 0.2}}
+    short = {"num_envs": 4, "total_steps": 8, "ppo": PPOConfig(n_steps=2, hidden=(8,))}
+    short |= {"eval": EvaluationConfig(every=8, episodes=2), "out": tmp_path / "run"}
+    return TrainConfig(**env, **short, robots=robots)
 
 
 def test_a_policy_of_several_robots_acts_on_others(tmp_path, capsys):

@@ -46,9 +46,7 @@ def test_a_result_is_read_as_it_was_saved(tmp_path):
     assert example.about == "What was done." and example.name == "example"
     assert load(example, tmp_path) is None
     perform(example, tmp_path, quick=True)
-    found = load(example, tmp_path)
-    assert found is not None
-    run, body = found
+    run, body = load(example, tmp_path)
     assert run.findings == FINDINGS
     assert run.numbers == {"best": 2.0, "none": None, "share": 0.2}
     assert run.quick and run.seconds >= 0.0
@@ -81,9 +79,8 @@ def test_experiments_are_chosen_by_their_names_or_their_papers():
 
 def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path):
     perform(example, tmp_path, quick=True)
-    found = load(example, tmp_path)
-    assert found is not None
-    shown = Section(example, *found, "python -m x"), Section(example, None, "<b>", "python -m y")
+    own = Section(example, *load(example, tmp_path), "python -m x")
+    shown = own, Section(example, None, "<b>", "python -m y")
     papers = [(Paper("A paper", "", ()), shown)]
     text = summary(papers)
     told = "hip \\| knee < 1 | 0.1 rad | **0.2 rad** | at most 0.1 rad (missed) |"
@@ -97,8 +94,7 @@ def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path):
 def test_an_experiment_of_a_paper_from_measuring_to_its_section(tmp_path):
     run = perform(claim_continuity, tmp_path, quick=True)
     assert [finding.verdict for finding in run.findings] == ["met", "shown", "shown"]
-    found = load(claim_continuity, tmp_path)
-    assert found is not None and found[1].count("<svg") == 4
+    assert load(claim_continuity, tmp_path)[1].count("<svg") == 4
 
 
 def test_progress_goes_through_parts_within_parts(tmp_path):

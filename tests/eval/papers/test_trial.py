@@ -59,9 +59,8 @@ def test_robots_begin_where_and_when_they_shall(robot, motion):
     np.testing.assert_allclose(log["target"][0], motion.rows.qpos[ticks, 7:], atol=1e-6)
     assert np.abs(log.error).max() < 1e-2
     there = log["qpos"][0, 1, :7]
-    ahead = motion.rows.qpos[ticks[1], :2] @ np.array(
-        [[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]
-    )
+    back = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
+    ahead = motion.rows.qpos[ticks[1], :2] @ back
     np.testing.assert_allclose(there[:2], pose[1, :2] + ahead, atol=1e-6)
     yaw = 2.0 * np.arctan2(there[6], there[3])
     assert yaw == pytest.approx(0.5, abs=1e-6)
@@ -99,9 +98,8 @@ def test_statistics_end_with_a_fall():
 def test_pictures_are_of_the_moments_that_a_log_has(robot):
     qpos = np.tile(robot.home_qpos, (4, 1, 1))
     qpos[2:, 0, 2] -= 0.2
-    log = Log(
-        0.1 * np.arange(4), np.full(1, np.nan), {"qpos": qpos, "push": 50.0 + 0.0 * qpos[:, :, :3]}
-    )
+    signals = {"qpos": qpos, "push": np.full((4, 1, 3), 50.0)}
+    log = Log(0.1 * np.arange(4), np.full(1, np.nan), signals)
     camera = Camera(robot, 640, 480)
     first, last = camera.strip(log, [0.0, 0.2, 9.0])
     assert first.shape == (480, 640, 3) and (first != last).any()

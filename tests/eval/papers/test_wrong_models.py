@@ -36,6 +36,5 @@ def test_each_robot_believes_its_own_model(robot, rng):
         state = simulation.qpos[index : index + 1], simulation.qvel[index : index + 1]
         expected = MuJoCoDynamics(model).terms(*state)
         for name in ("mass_matrix", "bias", "com", "foot_jacobian"):
-            np.testing.assert_allclose(
-                getattr(terms, name)[index], getattr(expected, name)[0], atol=1e-9
-            )
+            found = getattr(terms, name)[index]
+            np.testing.assert_allclose(found, getattr(expected, name)[0], atol=1e-9)

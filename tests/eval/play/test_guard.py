@@ -121,11 +121,8 @@ def test_a_viewer_sets_values_and_nothing_else(served):
         send(viewer, "GuiUpdateMessage", uuid=uuid, updates={"value": True})
         served.until(lambda: served.session.waiting)
         assert list(served.session._queue) == [Change("paused", True)]
-        now = vars(widget._impl)
-        assert {name for name in now if now[name] is not before[name]} <= {
-            "value",
-            "update_timestamp",
-        }
+        changed = {name for name, now in vars(widget._impl).items() if now is not before[name]}
+        assert changed <= {"value", "update_timestamp"}
         served.session.settle()
         send(viewer, "GuiUpdateMessage", uuid=uuid, updates={"value": False})
         served.until(lambda: served.session.waiting)

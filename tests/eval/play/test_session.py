@@ -91,16 +91,9 @@ def test_settings_change_what_they_name_and_while_it_runs():
     lane = session.lanes[0]
     before = lane.state()
     mass, mu = lane.batch.robot.mass, lane.batch.simulation.model.geom_friction[0, 0]
-    for name, value in {
-        "added_mass": 3.0,
-        "friction": 0.5,
-        "model_mass": 1.2,
-        "motors": 0.8,
-        "action_delay": 0.04,
-        "loop_delay": 6.0,
-        "ahead": 0.2,
-        "turn": -0.3,
-    }.items():
+    asked = {"added_mass": 3.0, "friction": 0.5, "model_mass": 1.2, "motors": 0.8}
+    asked |= {"action_delay": 0.04, "loop_delay": 6.0, "ahead": 0.2, "turn": -0.3}
+    for name, value in asked.items():
         session.submit(Change(name, value))
     session.settle()
     after, batch = lane.state(), lane.batch
@@ -208,10 +201,8 @@ def test_a_policy_brings_its_layer_and_leaves_with_it(session_):
     assert session.settings["policy"] == "good"
     session.play([(0, Change("layer", "com_wrench")), (1, Change("beside", "good"))], 3)
     assert session.settings["policy"] == "zero action" and session.refused == ""
-    assert [lane.player for lane in session.lanes] == [
-        ("com_wrench", "zero action"),
-        ("joint_position", "good"),
-    ]
+    players = [("com_wrench", "zero action"), ("joint_position", "good")]
+    assert [lane.player for lane in session.lanes] == players
 
 
 def test_it_opens_on_a_robot_that_walks_and_says_how_fast():
@@ -267,9 +258,8 @@ def test_another_robot_takes_over_at_its_own_scale():
     shape = size.observation().shape[1], np.zeros(len(size.action_names))
     body = constant_policy(WALK, *shape, env_args={"action_layer": "base_acceleration"})
     joints = constant_policy(WALK, 62, np.zeros(12), env_args={"action_layer": "joint_position"})
-    session = Session(
-        replace(stage, policies={"body": body, "joints": joints}).among(("go1", drawn))
-    )
+    stage = replace(stage, policies={"body": body, "joints": joints}).among(("go1", drawn))
+    session = Session(stage)
     before, weight = session.settings, session.weight
     session.play([(0, Change("policy", "body")), (0, Change("robot", drawn))], 3)
     assert session.refused == "" and session.lanes[0].batch.robot.num_joints == 16

@@ -1,9 +1,11 @@
 """A small study of two environments, and run folders that are made up."""
 
 import json
+from pathlib import Path
 
 from eval.study.results import Settings
 from train.runs.folder import RunFolder
+from train.runs.study import Study, read_study
 
 STUDY = """
 seeds = [0, 1]
@@ -18,13 +20,19 @@ env = "fbid_gym/BipedSquat-v0"
 action_layer = "torque"
 seeds = [0]
 """
-
-
+# Both arms in one environment, with both seeds.
+ALIKE = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
 COLUMNS = ("steps,wall_seconds,episodes,return_mean,return_std,return_q25,return_q75,length_mean,"
            "survival,velocity_error\n")  # fmt: skip
 
 
 FEW = Settings(samples=200)
+
+
+def written(folder: Path, text: str = STUDY) -> Study:
+    """A study in a file `mine.toml`, of whose runs nothing has begun."""
+    (folder / "mine.toml").write_text(text)
+    return read_study(folder / "mine.toml", folder / "out")
 
 
 def fill(cell, height, error, until=1000, policy=None):

@@ -9,10 +9,9 @@ from eval.results import Estimate
 from eval.study.findings import findings
 from eval.study.page import page
 from fbid_gym.errors import FbidError
-from tests.eval.study.small import FEW, STUDY, fill
+from tests.eval.study.small import ALIKE, FEW, fill, written
 from train.runs.endpoints import register
 from train.runs.folder import RunFolder
-from train.runs.study import read_study
 
 
 def test_the_numbers_of_an_arm_are_of_the_trainings_that_are_done(study):
@@ -20,10 +19,8 @@ def test_the_numbers_of_an_arm_are_of_the_trainings_that_are_done(study):
     fill(first, 10.0, 0.1)
     fill(second, 20.0, 0.3, until=900)  # evaluated, but not to its end
     walks, squats = findings(study, FEW).arms
-    assert walks.counted == [first.config.folder.name] and (walks.done, walks.complete) == (
-        1,
-        False,
-    )
+    assert walks.counted == [first.config.folder.name]
+    assert (walks.done, walks.complete) == (1, False)
     assert walks.final["velocity_error"] == Estimate(0.1)
     assert walks.before["velocity_error"] == 0.2 and walks.final["falls"].value == 0.0
     assert [cell.state for cell in walks.cells] == ["done", "90%"]
@@ -38,12 +35,8 @@ def test_thresholds_are_reached_by_who_stays_up(study):
     settings = replace(FEW, thresholds=(0.5, 0.2, 0.15, 0.05))
     arm = findings(study, settings).arms[0]
     inf = float("inf")
-    assert [one.each for one in arm.steps_to] == [
-        [1000, 1000],
-        [1000, 1000],
-        [1000, inf],
-        [inf] * 2,
-    ]
+    reached = [[1000, 1000], [1000, 1000], [1000, inf], [inf, inf]]
+    assert [one.each for one in arm.steps_to] == reached
     assert arm.wall_to[0].each == [9.0, 9.0]
     assert arm.falls_to == []  # they were not counted
     for cell in (first, second):
@@ -57,9 +50,7 @@ def test_thresholds_are_reached_by_who_stays_up(study):
 
 
 def test_arms_are_set_against_the_reference(tmp_path):
-    path = tmp_path / "two.toml"
-    path.write_text(STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", ""))
-    study = read_study(path, tmp_path / "out")
+    study = written(tmp_path, ALIKE)
     for cell in study.cells:
         fill(cell, 10.0 + cell.config.seed, 0.1 if cell.arm == "other" else 0.2)
     one, other = findings(study, FEW).arms
@@ -91,12 +82,7 @@ def test_a_folder_of_another_study_is_one_clear_error(study, tmp_path):
 
 def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
     """An arm that decides five times as often adds up five times as many rewards."""
-    path = tmp_path / "rates.toml"
-    fast = 'action_layer = "torque"\nenv_args = { policy_hz = 250 }\n'
-    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
-    first, _, last = text.rpartition('action_layer = "torque"\n')
-    path.write_text(first + fast + last)
-    study = read_study(path, tmp_path / "out")
+    study = written(tmp_path, f"{ALIKE}env_args = {{ policy_hz = 250 }}\n")
     for cell in study.cells:
         fill(cell, 10.0 if cell.arm == "one" else 40.0, 0.1)
     slow, quick = findings(study, FEW).arms
@@ -105,11 +91,8 @@ def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
 
 
 def test_an_endpoint_is_answered_when_both_arms_are_done(tmp_path):
-    path = tmp_path / "two.toml"
     asked = '[[endpoints]]\nmeasure = "{}"\narm = "other"\nagainst = "one"\n'
-    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
-    path.write_text(text + asked.format("velocity_error") + asked.format("slip"))
-    study = read_study(path, tmp_path / "out")
+    study = written(tmp_path, ALIKE + asked.format("velocity_error") + asked.format("slip"))
     register(study.name, study.runs, study.endpoints)
     assert findings(study, FEW).answers == []
     for cell in study.cells:

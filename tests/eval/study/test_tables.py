@@ -26,11 +26,10 @@ def test_numbers_hold_every_evaluation(study):
     for height, cell in zip((10.0, 20.0, 30.0), study.cells, strict=True):
         fill(cell, height, 0.1)
     rows = list(csv.DictReader(io.StringIO(numbers(study))))
-    assert [(row["env"], row["arm"], row["seed"], float(row["return_mean"])) for row in rows] == [
-        (cell.config.env, cell.arm, str(cell.config.seed), factor * height)
-        for height, cell in zip((10.0, 20.0, 30.0), study.cells, strict=True)
-        for factor in (1.0, 2.0)
-    ]
+    names = [(cell.config.env, cell.arm, str(cell.config.seed)) for cell in study.cells]
+    found = [(row["env"], row["arm"], row["seed"]) for row in rows]
+    assert (found[::2], found[1::2]) == (names, names)
+    assert [float(row["return_mean"]) for row in rows] == [10.0, 20.0, 20.0, 40.0, 30.0, 60.0]
     assert [row["return_exploring"] for row in rows][:4] == ["", "10.0", "", "20.0"]
 
 

@@ -17,7 +17,7 @@ from eval.study.fresh import FIRST_SEED, kept, level_file, levels, measure
 from eval.study.page import page
 from eval.study.tables import drawn, numbers, table
 from tests.eval.conftest import zero_policy
-from tests.eval.study.small import FEW, fill
+from tests.eval.study.small import FEW, fill, written
 from train.runs.endpoints import register
 from train.runs.study import arms, read_study
 
@@ -53,12 +53,10 @@ def still():
 @pytest.fixture
 def played(still, tmp_path):
     """Two trainings: one stands by the zero action, the other thrashes; and the zero action."""
-    (tmp_path / "mine.toml").write_text(STUDY)
-    study = read_study(tmp_path / "mine.toml", tmp_path / "out")
+    study = written(tmp_path, STUDY)
     register(study.name, study.runs, study.endpoints)
-    for cell, policy in zip(
-        study.cells, (still, replace(still, biases=(np.ones(12),))), strict=True
-    ):
+    policies = still, replace(still, biases=(np.ones(12),))
+    for cell, policy in zip(study.cells, policies, strict=True):
         fill(cell, 10.0 + cell.config.seed, 0.1, policy=policy)
     measure(study, 3, lambda *told: None)
     return study
@@ -74,10 +72,8 @@ def test_it_plays_the_episodes_of_the_others_and_those_of_their_evaluations(play
         episodes = play_player(player, count, seed)
         np.testing.assert_allclose(its[name].each["return_mean"], episodes.returned, rtol=1e-6)
         assert its[name].means["return_mean"].item() == episodes.returned.mean()
-    np.testing.assert_array_equal(
-        fresh[name].each["return_mean"],
-        fresh[played.cells[0].config.folder.name].each["return_mean"],
-    )
+    first = fresh[played.cells[0].config.folder.name]
+    np.testing.assert_array_equal(fresh[name].each["return_mean"], first.each["return_mean"])
     before, said = level_file(played).read_bytes(), []
     measure(played, 3, lambda *told: said.append(told))
     assert said == [] and level_file(played).read_bytes() == before
@@ -89,15 +85,11 @@ def test_its_intervals_are_over_episodes_and_runs_are_set_against_it_in_pairs(pl
     (cell,) = played.unlearnt
     each = levels(played)[cell.config.folder.name].each["return_mean"]
     its = nothing.final["return_mean"]
-    assert (
-        its.value == pytest.approx(each.mean()) and each.min() <= its.low < its.high <= each.max()
-    )
+    assert its.value == pytest.approx(each.mean())
+    assert each.min() <= its.low < its.high <= each.max()
     assert (nothing.ready, nothing.cells, nothing.policy) == (True, [], "zero")
-    assert not learnt.versus and learnt.fresh.versus.keys() == {
-        "return_mean",
-        "velocity_error",
-        "falls",
-    }
+    assert not learnt.versus
+    assert learnt.fresh.versus.keys() == {"return_mean", "velocity_error", "falls"}
     # The run that stands is as good, the other worse in every episode.
     assert learnt.fresh.versus["return_mean"].probability == Estimate(0.25)
     (answer,) = found.answers

@@ -109,10 +109,6 @@ def test_ten_lines_play_a_policy_without_torch(own):
     lines = [line.replace("range(1000)", "range(3)") for line in lines]
     banned = ["torch", "stable_baselines3", "rich", "tyro"]
     script = [f"import sys; sys.modules.update(dict.fromkeys({banned}))", *lines]
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(script)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-    )
+    command, root = [sys.executable, "-c", "\n".join(script)], Path(__file__).parents[3]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

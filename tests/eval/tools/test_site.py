@@ -59,9 +59,8 @@ def test_the_site_builds_and_asks_nobody(tmp_path):
     assert len(made) > 50
     for page, html in made.items():
         loaded = re.findall(r'<(?:script|img|video|source|iframe)[^>]*\ssrc="([^"]*)"', html)
-        loaded += re.findall(
-            r'<link[^>]*rel="(?:stylesheet|preconnect|icon)"[^>]*href="([^"]*)', html
-        )
+        kinds = r'rel="(?:stylesheet|preconnect|icon)"'
+        loaded += re.findall(rf'<link[^>]*{kinds}[^>]*href="([^"]*)', html)
         assert not [name for name in loaded if "//" in name], page.name
         assert "arithmatex" not in html and "$$" not in html, page.name
     theory = (tmp_path / "theory" / "mistry2010.html").read_text(encoding="utf-8")

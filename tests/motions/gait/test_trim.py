@@ -51,9 +51,8 @@ def test_a_lasting_error_is_integrated_and_no_other(name):
         ticks += on_the_way.sum()
     assert 3 < ticks < 3 * HZ
     assert integral[1, 0] == 0.1 * speed and integral[2, 0] == 0.0 != integral[2, 1]
-    np.testing.assert_allclose(
-        memory["velocity"][:, :2] - VELOCITY[:2], integral, atol=1e-3 * speed
-    )
+    added = memory["velocity"][:, :2] - VELOCITY[:2]
+    np.testing.assert_allclose(added, integral, atol=1e-3 * speed)
     # A robot that is to stand stands, and knows what it has to make up for when it goes on.
     command.velocity[:] = 0.0
     for _ in range(2 * HZ):
@@ -79,18 +78,13 @@ def test_each_robot_has_its_own_as_if_it_were_alone_and_begins_without(rng):
 @pytest.mark.parametrize("layer", ["base_acceleration", "joint_position"])
 def test_a_load_off_the_centre_leaves_no_lasting_error(layer):
     """Nor another wrong model: by layers that know the dynamics, and those that do not."""
-    still = {
-        "action_layer": layer,
-        "gait": "trot",
-        "command_interval": (99.0, 99.0),
-        "command_ramp": (0.0, 0.0),
-        "push_weights": (0.0, 0.0),
-        "randomisation": {"payload": (0.25, 0.25)},
-    }
+    still = {"command_interval": (99.0, 99.0), "command_ramp": (0.0, 0.0)}
+    still |= {"push_weights": (0.0, 0.0), "randomisation": {"payload": (0.25, 0.25)}}
+    still |= {"action_layer": layer, "gait": "trot"}
     asked, errors = np.array([[0.8, 0.3, 0.0], [-0.8, 0.0, 0.3], [0.0, 0.6, 0.0]]), []
     for integral_time in (0.0, TIME):
-        made = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v1"] | still
-        batch = started(made | {"integral_time": integral_time}, 3)
+        own = still | {"integral_time": integral_time}
+        batch = started(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v1"] | own, 3)
         batch._plan["command"][:, 0] = asked
         zero, seconds, seen = np.zeros((3, len(batch.action_names))), 8, []
         for step in range(seconds * batch.rates.policy):

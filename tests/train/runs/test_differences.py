@@ -12,14 +12,9 @@ from train.runs.differences import (
 
 def test_what_makes_another_run():
     stored = TrainConfig().to_json()
-    same = TrainConfig(
-        total_steps=5,
-        checkpoint_every=0,
-        num_threads=7,
-        torch_threads=stored["torch_threads"],
-        out=Path("x"),
-        overwrite=True,
-    )
+    own = {"total_steps": 5, "checkpoint_every": 0, "num_threads": 7}
+    own |= {"torch_threads": stored["torch_threads"], "out": Path("x"), "overwrite": True}
+    same = TrainConfig(**own)
     assert run_differences(stored, same.to_json()) == []
     other = TrainConfig(seed=4, env_args={"push_force": [1, 2]}, ppo=PPOConfig(gamma=0.9))
     assert [str(one) for one in run_differences(stored, other.to_json())] == [
@@ -30,22 +25,15 @@ def test_what_makes_another_run():
     other = TrainConfig(torch_threads=stored["torch_threads"] + 1)
     assert [its.name for its in run_differences(stored, other.to_json())] == ["torch_threads"]
     other = TrainConfig(layer_options={"contact_limits": "none"})
-    assert in_words(run_differences(stored, other.to_json())) == (
-        'layer_options.contact_limits "none" instead of unset'
-    )
+    words = 'layer_options.contact_limits "none" instead of unset'
+    assert in_words(run_differences(stored, other.to_json())) == words
 
 
 def test_what_makes_another_training_for_a_comparison():
     one = training_settings(TrainConfig().to_json())
-    alike = TrainConfig(
-        action_layer="joint_position",
-        layer_options={"scale": 0.2},
-        seed=4,
-        num_threads=7,
-        torch_threads=2,
-        checkpoint_every=0,
-        eval=EvaluationConfig(every=5),
-    )
+    own = {"action_layer": "joint_position", "layer_options": {"scale": 0.2}, "seed": 4}
+    own |= {"num_threads": 7, "torch_threads": 2, "checkpoint_every": 0}
+    alike = TrainConfig(**own, eval=EvaluationConfig(every=5))
     assert training_settings(alike.to_json()) == one
     other = TrainConfig(total_steps=5, ppo=PPOConfig(gamma=0.9))
     names = [its.name for its in differences(one, training_settings(other.to_json()))]
@@ -63,10 +51,9 @@ def test_a_run_of_before_there_was_a_choice_is_not_one_of_today():
 def test_another_algorithm_is_a_difference_of_its_own():
     """Its hyperparameters are not set against those of the other; of before there was one, PPO."""
     ppo, sac = TrainConfig(seed=1).to_json(), TrainConfig(algorithm="sac").to_json()
-    assert in_words(run_differences(ppo, sac)) == (
-        'algorithm "sac" instead of "ppo", seed 0 instead of 1'
-    )
-    assert in_words(training_differences(ppo, sac)) == 'algorithm "sac" instead of "ppo"'
+    words = 'algorithm "sac" instead of "ppo"'
+    assert in_words(run_differences(ppo, sac)) == f"{words}, seed 0 instead of 1"
+    assert in_words(training_differences(ppo, sac)) == words
     other = TrainConfig(algorithm="sac", sac=SACConfig(tau=0.5)).to_json()
     assert in_words(training_differences(sac, other)) == "sac.tau 0.5 instead of 0.005"
     del ppo["algorithm"]

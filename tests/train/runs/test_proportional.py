@@ -71,9 +71,8 @@ def test_it_is_loaded_by_its_name():
     assert view == {"action_layer": "com_wrench", "observation": "body"}
     policy = load_policy(Path("proportional:6/QuadrupedWalk-v0/com_wrench"))
     assert (policy.env_id, policy.env_args) == (WALK, {"action_layer": "com_wrench"})
-    np.testing.assert_array_equal(
-        policy.weights[0], proportional(WALK, policy.env_args, 6.0).weights[0]
-    )
+    law = proportional(WALK, policy.env_args, 6.0)
+    np.testing.assert_array_equal(policy.weights[0], law.weights[0])
 
 
 def test_a_shipped_policy_keeps_the_layer_of_before_the_pendulum():

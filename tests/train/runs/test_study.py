@@ -5,14 +5,13 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
-import fbid_gym  # noqa: F401
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, RunError
+from tests.batches import begun
 from train import sweep
 from train.recipes import config_for
 from train.runs.command_line import command, parse
@@ -59,8 +58,7 @@ def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_every_arm_can_take_a_step(path, tmp_path):
     for config in {cell.arm: cell.config for cell in read_study(path, tmp_path).cells}.values():
-        envs = gym.make_vec(config.env, num_envs=1, num_threads=1, **config.make_args())
-        envs.reset(seed=0)
+        envs = begun(config.env, 1, num_threads=1, **config.make_args())
         reward = envs.step(np.zeros(envs.action_space.shape))[1]
         envs.close()
         assert np.isfinite(reward).all()
@@ -87,15 +85,10 @@ def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
     assert cells == [("a", 0), ("a", 3), ("b c", 3), ("b c", 5)]
     first, _, third, _ = (cell.config for cell in study.cells)
     usual = config_for(WALK, "torque")
-    assert first == replace(
-        usual,
-        total_steps=1000,
-        num_envs=200,
-        ppo=replace(usual.ppo, hidden=(8,), n_steps=12, batch_size=1200),
-        eval=replace(usual.eval, every=9, episodes=7),
-        num_threads=1,
-        out=tmp_path / "QuadrupedWalk-v0-a-s0",
-    )
+    ppo = replace(usual.ppo, hidden=(8,), n_steps=12, batch_size=1200)
+    own = {"ppo": ppo, "eval": replace(usual.eval, every=9, episodes=7), "num_threads": 1}
+    own |= {"total_steps": 1000, "num_envs": 200, "out": tmp_path / "QuadrupedWalk-v0-a-s0"}
+    assert first == replace(usual, **own)
     assert third.out == tmp_path / "QuadrupedWalk-v0-b_c-s3"
     assert third.ppo == config_for(WALK, "joint_position", {"reference": "home"}).ppo
     kept = read_study(write(tmp_path, f'runs = "kept"\n{ARM}')).cells[0].config
@@ -162,15 +155,10 @@ def test_an_arm_may_learn_nothing(tmp_path):
     text += law.replace("zero", "proportional:24") + ENDPOINT.replace('"b"', '"k"')
     study = read_study(write(tmp_path, text), tmp_path)
     assert [cell.arm for cell in study.cells] == ["a", "a"] and study.reference == "z"
-    assert [(cell.arm, cell.policy) for cell in study.unlearnt] == [
-        ("z", "zero"),
-        ("k", "proportional:24"),
-    ]
-    assert [(arm.name, len(arm.cells), arm.policy) for arm in arms(study)] == [
-        ("a", 2, ""),
-        ("z", 1, "zero"),
-        ("k", 1, "proportional:24"),
-    ]
+    laws = [("z", "zero"), ("k", "proportional:24")]
+    assert [(cell.arm, cell.policy) for cell in study.unlearnt] == laws
+    assert [(arm.name, arm.policy) for arm in arms(study)] == [("a", ""), *laws]
+    assert [len(arm.cells) for arm in arms(study)] == [2, 1, 1]
     assert study.unlearnt[0].config.eval.episodes == 7
     assert (standing(study).row_count, study.endpoints[0].against) == (2, "k")
 

@@ -129,33 +129,30 @@ def test_the_moving_goal_has_its_own_rates():
     goal = goals(robot, swaying(hertz))
     for time in (0.0, 0.7, 3.3):
         before, now, after = (goal(time + k * step, terms).target for k in (-1, 0, 1))
-        rate = {
-            name: (getattr(after, name) - getattr(before, name)) / (2 * step)
-            for name in ("com", "world_from_base", "com_velocity", "angular_momentum")
-        }
-        np.testing.assert_allclose(now.com_velocity, rate["com"], atol=1e-4)
-        spin = rate["world_from_base"] @ now.world_from_base.mT
+        rates = ((later - sooner) / (2 * step) for later, sooner in zip(after, before, strict=True))
+        rate = now._make(rates)
+        np.testing.assert_allclose(now.com_velocity, rate.com, atol=1e-4)
+        spin = rate.world_from_base @ now.world_from_base.mT
         found = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         np.testing.assert_allclose(now.angular_velocity, found, atol=1e-4)
-        force = robot.mass * rate["com_velocity"]
+        force = robot.mass * rate.com_velocity
         np.testing.assert_allclose(now.momentum_rate[:, :3], force, atol=0.3)
-        np.testing.assert_allclose(now.momentum_rate[:, 3:], rate["angular_momentum"], atol=0.1)
+        np.testing.assert_allclose(now.momentum_rate[:, 3:], rate.angular_momentum, atol=0.1)
     assert np.abs(goal(0.0, terms).target.com - terms.com).max() == 0.0
 
 
 def test_a_stance_with_one_foot_on_a_block():
     robot, ground = load("humanoid"), BLOCKS[-1]
     data = posed(robot, stance(robot, ground))
-    assert (data.qpos[7:] >= robot.joint_range[:, 0]).all()
-    assert (data.qpos[7:] <= robot.joint_range[:, 1]).all()
+    low, high = robot.joint_range.T
+    assert ((low <= data.qpos[7:]) & (data.qpos[7:] <= high)).all()
     left, right = robot.feet
     np.testing.assert_allclose(data.xmat[left.body].reshape(3, 3), np.eye(3), atol=1e-3)
     np.testing.assert_allclose(data.xmat[right.body].reshape(3, 3), ground.rotation, atol=1e-3)
-    soles = [
-        data.xpos[foot.body]
-        + data.xmat[foot.body].reshape(3, 3) @ (foot.points.mean(axis=0) - [0, 0, foot.radius])
-        for foot in robot.feet
-    ]
+    soles = []
+    for foot in robot.feet:
+        middle = foot.points.mean(axis=0) - [0, 0, foot.radius]
+        soles.append(data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ middle)
     assert soles[1][2] - soles[0][2] == pytest.approx(ground.height, abs=1e-3)
     com = data.subtree_com[robot.base_body]
     np.testing.assert_allclose(com[:2], 0.5 * (soles[0] + soles[1])[:2], atol=2e-3)

@@ -48,10 +48,8 @@ class Case(NamedTuple):
 
     def momentum_rate(self, force: np.ndarray) -> np.ndarray:
         """Rate (COUNT, 6) of h under generalized forces, the bias not among them."""
-        acceleration = np.matvec(self.inverse_mass, force)
-        return np.matvec(self.body.matrix, acceleration) + np.matvec(
-            self.rate[:, :6], self.velocity
-        )
+        pushed = np.matvec(self.body.matrix, np.matvec(self.inverse_mass, force))
+        return pushed + np.matvec(self.rate[:, :6], self.velocity)
 
     def points(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Jacobian of the contact points, random forces on them, their wrench at the centre."""
@@ -148,11 +146,8 @@ def test_coriolis_matrix_gives_the_bias_and_the_rate_of_the_mass_matrix(case):
 
 
 def test_matrix_and_its_rate_are_pinocchios(case):
-    model, rotation = (
-        PinocchioDynamics(case.robot).model,
-        frames.quaternion_to_matrix(case.qpos[:, 3:7]),
-    )
-    data = model.createData()
+    model = PinocchioDynamics(case.robot).model
+    data, rotation = model.createData(), frames.quaternion_to_matrix(case.qpos[:, 3:7])
     q = frames.configuration_to_pinocchio(case.qpos, case.robot.model.qpos0)
     v = frames.velocity_to_pinocchio(case.velocity, rotation)
     for row in range(COUNT):
@@ -163,9 +158,11 @@ def test_matrix_and_its_rate_are_pinocchios(case):
         expected[:, :3] += data.Ag[:, :3] @ turn
         assert_close(case.rate[row, :6], expected)
         assert_close(case.body.matrix[row], frames.jacobian_from_pinocchio(data.Ag, rotation[row]))
-    assert_rate(
-        case.rate[:, :6], case, lambda terms: centroidal_terms(terms, case.velocity).matrix, 1e-7
-    )
+
+    def matrix(terms):
+        return centroidal_terms(terms, case.velocity).matrix
+
+    assert_rate(case.rate[:, :6], case, matrix, 1e-7)
 
 
 def test_eq_6_rate_of_momentum_is_the_external_wrench(case, rng):
@@ -203,9 +200,8 @@ def test_eqs_15_and_25_equations_of_motion(case, rng):
     force = 5.0 * rng.normal(size=(COUNT, case.robot.nv))
     acceleration = np.matvec(case.inverse_mass, force - case.terms.bias)
     rate = np.matvec(case.transform, acceleration) + np.matvec(case.rate, case.velocity)
-    left = np.matvec(case.inertia, rate) + np.matvec(
-        case.gamma, np.matvec(case.transform, case.velocity)
-    )
+    left = np.matvec(case.inertia, rate)
+    left += np.matvec(case.gamma, np.matvec(case.transform, case.velocity))
     left[:, :3] -= case.robot.model.opt.gravity
     assert_close(left, np.matvec(case.back.mT, force), case.terms.bias)
 
@@ -341,8 +337,7 @@ def test_in_flight_motors_move_joints_and_feet_but_not_the_momentum(name):
         assert (np.abs(body.momentum[0]) < 1e-6 * size).all()
         jacobian = generalized_jacobian(terms.mass_matrix, terms.foot_jacobian[:, 0])
         speed = np.abs(terms.foot_velocity[:, 0]).max()
-        np.testing.assert_allclose(
-            np.matvec(jacobian, velocity[:, 6:]), terms.foot_velocity[:, 0], atol=1e-6 * speed
-        )
+        found = np.matvec(jacobian, velocity[:, 6:])
+        np.testing.assert_allclose(found, terms.foot_velocity[:, 0], atol=1e-6 * speed)
         fastest = max(fastest, speed)
     assert fastest > 0.5

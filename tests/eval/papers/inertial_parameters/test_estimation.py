@@ -59,14 +59,20 @@ def everywhere(samples):
     return samples._replace(active=np.ones_like(samples.active))
 
 
+def measured(nominal, samples, rng, share):
+    """A regressor and a regression, torques noisy by a share of the limits."""
+    noise = share * nominal.torque_limit * rng.normal(size=samples.torque.shape)
+    regressor = InertialRegressor(nominal)
+    return regressor, regression(regressor, samples._replace(torque=samples.torque + noise))
+
+
 def wrong(robot, rng, size=0.15):
     """A robot whose bodies are all somewhat different, each by about the same share of itself."""
     regressor = InertialRegressor(robot)
     root = np.linalg.cholesky(pseudo_inertia(regressor.parameters()))
     deform = root @ (np.eye(4) + size * rng.normal(size=root.shape))
-    return with_parameters(
-        robot, regressor.bodies, parameters_of_pseudo_inertia(deform @ deform.mT)
-    )
+    parameters = parameters_of_pseudo_inertia(deform @ deform.mT)
+    return with_parameters(robot, regressor.bodies, parameters)
 
 
 def random_samples(robot, count, rng, planted=None, force=300.0):
@@ -152,9 +158,8 @@ def test_contact_forces_do_not_matter(true, samples):
     regressor = InertialRegressor(true)
     parameters = regressor.parameters().ravel()
     for force in (0.0, 300.0, 3000.0):
-        pushed = with_force(
-            true, *samples[:2], samples.torque, samples.active, force, np.random.default_rng(1)
-        )
+        own = (*samples[:2], samples.torque, samples.active)
+        pushed = with_force(true, *own, force, np.random.default_rng(1))
         error = size = 0.0
         for matrix, target, _ in projected_equations(regressor, pushed):
             error = max(error, np.abs(matrix @ parameters - target).max())
@@ -187,9 +192,8 @@ def test_regression_is_all_that_the_samples_say(nominal, samples, rng):
 
 
 def test_joined_samples(samples):
-    first, last = (
-        Samples(*(part[rows] for part in samples)) for rows in (slice(150), slice(150, None))
-    )
+    parts = slice(150), slice(150, None)
+    first, last = (Samples(*(values[part] for values in samples)) for part in parts)
     joined = Samples.joined([everywhere(first), last])
     assert joined.active[:150].all()
     np.testing.assert_array_equal(joined.active[150:], samples.active[150:])
@@ -235,19 +239,13 @@ def test_parameters_told_by_themselves_come_back(true, exact):
 @pytest.mark.parametrize("weight", [1e-2, 1e-6, 1e-12])
 def test_every_estimate_is_of_bodies_that_can_exist(nominal, samples, rng, weight):
     """Even from noise, where least squares alone is not."""
-    noisy = samples._replace(
-        qacc=samples.qacc + 20.0 * rng.normal(size=samples.qacc.shape),
-        torque=samples.torque + 0.2 * nominal.torque_limit * rng.normal(size=samples.torque.shape),
-    )
-    regressor = InertialRegressor(nominal)
-    data = regression(regressor, noisy)
+    shaken = samples._replace(qacc=samples.qacc + 20.0 * rng.normal(size=samples.qacc.shape))
+    regressor, data = measured(nominal, shaken, rng, 0.2)
     plain = np.linalg.lstsq(data.matrix, data.target, rcond=1e-9)[0].reshape(-1, 10)
     assert (consistency(plain) <= 0.0).any()
     found = estimate(regressor, data, prior_weight=weight)
-    assert found.consistent
-    assert (consistency(found.parameters) > 0.0).all()
-    assert np.isfinite(divergence(found)).all()
-    assert found.model().mass > 0.0
+    assert found.consistent and (consistency(found.parameters) > 0.0).all()
+    assert np.isfinite(divergence(found)).all() and found.model().mass > 0.0
 
 
 def objective(found, data, weight, change=0.0):
@@ -259,11 +257,7 @@ def objective(found, data, weight, change=0.0):
 
 @pytest.mark.parametrize("weight", [1e-1, 1e-4, 1e-6])
 def test_the_estimate_is_the_minimum(nominal, samples, rng, weight):
-    noisy = samples._replace(
-        torque=samples.torque + 0.1 * nominal.torque_limit * rng.normal(size=samples.torque.shape)
-    )
-    regressor = InertialRegressor(nominal)
-    data = regression(regressor, noisy)
+    regressor, data = measured(nominal, samples, rng, 0.1)
     found = estimate(regressor, data, prior_weight=weight)
     least = objective(found, data, weight)
     steps = natural_steps(found.regressor.parameters())
@@ -278,11 +272,7 @@ def test_the_estimate_is_the_minimum(nominal, samples, rng, weight):
 
 def test_a_weak_prior_reaches_the_best_that_can_exist(nominal, samples, rng):
     """Against the semidefinite programme without prior, by another solver."""
-    noisy = samples._replace(
-        torque=samples.torque + 0.3 * nominal.torque_limit * rng.normal(size=samples.torque.shape)
-    )
-    regressor = InertialRegressor(nominal)
-    data = regression(regressor, noisy)
+    regressor, data = measured(nominal, samples, rng, 0.3)
     found = estimate(regressor, data, prior_weight=1e-8)
     best = semidefinite_least_squares(data, regressor.parameters())
     unconstrained = data.rest / np.sqrt(data.rows)
@@ -308,12 +298,10 @@ def semidefinite_least_squares(data, nominal):
     # Unknowns: the change x and the residual r = A x - b, so that nothing is squared.
     rank = len(effect)
     equality = sparse.hstack([sparse.csc_matrix(effect), -sparse.eye_array(rank)])
-    cone = sparse.hstack(
-        [sparse.csc_matrix(-block.reshape(10 * count, -1)), sparse.csc_matrix((10 * count, rank))]
-    )
-    quadratic = sparse.block_diag(
-        [sparse.csc_matrix((10 * count, 10 * count)), sparse.eye_array(rank)], format="csc"
-    )
+    nothing = sparse.csc_matrix((10 * count, rank))
+    cone = sparse.hstack([sparse.csc_matrix(-block.reshape(10 * count, -1)), nothing])
+    square = sparse.csc_matrix((10 * count, 10 * count)), sparse.eye_array(rank)
+    quadratic = sparse.block_diag(square, format="csc")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
@@ -411,7 +399,6 @@ def test_names_cover_all_parameters_once(exact):
     report = exact.excitation
     names = [*report.told, *report.combined, *report.untold]
     assert len(names) == len(set(names)) == 10 * len(exact.regressor.names)
-    assert report.condition == pytest.approx(
-        report.singular_values[0] / report.singular_values[report.dimension - 1]
-    )
-    assert (np.diff(report.singular_values) <= 0.0).all()
+    values = report.singular_values
+    assert report.condition == pytest.approx(values[0] / values[report.dimension - 1])
+    assert (np.diff(values) <= 0.0).all()

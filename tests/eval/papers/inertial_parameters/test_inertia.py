@@ -19,9 +19,8 @@ from tests.dynamics.models import random_states, relative_error, robot_called
 
 def parameters_of_points(mass, points):
     """The ten parameters of point masses (P,) at (P, 3), from their definitions."""
-    tensor = sum(
-        m * (x @ x * np.eye(3) - np.outer(x, x)) for m, x in zip(mass, points, strict=True)
-    )
+    squares = np.vecdot(points, points)[:, None, None] * np.eye(3)
+    tensor = np.tensordot(mass, squares - points[:, :, None] * points[:, None], 1)
     upper = tensor[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
     return np.concatenate([[mass.sum()], mass @ points, upper])
 
@@ -69,10 +68,8 @@ def test_consistency_tells_what_can_exist(rng):
 @pytest.mark.parametrize("name", robots.ROBOTS)
 def test_parameters_of_a_model_are_pinocchios(name):
     robot = robots.load(name)
-    dynamics = PinocchioDynamics(robot)
-    for body, parameters in zip(
-        bodies_with_mass(robot), body_parameters(robot.model, bodies_with_mass(robot)), strict=True
-    ):
+    dynamics, bodies = PinocchioDynamics(robot), bodies_with_mass(robot)
+    for body, parameters in zip(bodies, body_parameters(robot.model, bodies), strict=True):
         frame = dynamics.model.frames[int(body)]
         inertia = dynamics.model.inertias[frame.parentJoint]
         expected = frame.placement.actInv(inertia).toDynamicParameters()
@@ -104,8 +101,8 @@ def test_a_changed_robot_keeps_its_shape(rng):
     for model in (original.model, robot.model):
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        places.append(np.concatenate([data.geom_xpos.ravel(), data.geom_xmat.ravel()]))
-        places[-1] = np.concatenate([places[-1], data.site_xpos.ravel()])
+        parts = data.geom_xpos, data.geom_xmat, data.site_xpos
+        places.append(np.concatenate([part.ravel() for part in parts]))
     np.testing.assert_allclose(places[1], places[0], atol=1e-12)
     np.testing.assert_array_equal(original.model.body_mass, before)
     assert not np.allclose(robot.model.body_mass, before)

@@ -19,29 +19,10 @@ def equation(system):
     return Equation(*system.law)
 
 
-def forward(system, torque):
-    """Accelerations and least contact forces under a torque, by dense least squares."""
-    nv, accelerations, forces = system.bias.shape[1], [], []
-    for i, jacobian in enumerate(system.jacobian):
-        rows = len(jacobian)
-        kkt = np.block([[system.mass_matrix[i], -jacobian.T], [jacobian, np.zeros((rows, rows))]])
-        right = np.concatenate([-system.bias[i], -system.jacobian_bias[i]])
-        right[6:nv] += torque[i]
-        solution = np.linalg.lstsq(kkt, right, rcond=1e-11)[0]
-        accelerations.append(solution[:nv])
-        forces.append(solution[nv:])
-    return np.array(accelerations), np.array(forces)
-
-
 def dual_selection(mass_matrix):
     """Sbar^T = (S M^-1 S^T)^-1 S M^-1 of one robot, as the paper writes it."""
     inverse = np.linalg.inv(mass_matrix)
     return np.linalg.solve(inverse[6:, 6:], inverse[6:])
-
-
-def achievable(system):
-    """The same system with the nearest command that contacts and underactuation allow."""
-    return system._replace(acceleration=orthogonal_inverse_dynamics(*system.law).acceleration)
 
 
 @pytest.fixture
@@ -54,7 +35,7 @@ def test_equations_5_to_8_hold_as_printed(make_system, torque_of):
     """Signs included, at a moving robot under any torque; independent rows as in the paper."""
     system = make_system("four point feet")
     torque = torque_of(system)
-    acceleration, force = forward(system, torque)
+    acceleration, force = system.forward(torque)
     nv = system.bias.shape[1]
     select = np.eye(nv)[6:]
     for i, jacobian in enumerate(system.jacobian):
@@ -82,7 +63,7 @@ def test_equations_5_to_8_hold_as_printed(make_system, torque_of):
 def test_force_of_a_torque_is_that_of_forward_dynamics(make_system, torque_of, contacts):
     system = make_system(contacts)
     torque = torque_of(system)
-    _, expected = forward(system, torque)
+    _, expected = system.forward(torque)
     found = contact_force_of_torque(equation(system), torque)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
@@ -106,11 +87,11 @@ def test_eq_8_to_the_letter_for_any_force(make_system, rng, contacts):
 
 def test_a_wrong_force_costs_what_the_law_says(make_system, rng, contacts):
     """Torque off by -Sbar^T J^T dF; acceleration by what forward dynamics make of that."""
-    system = achievable(make_system(contacts))
+    system = make_system(contacts).achievable()
     right = orthogonal_inverse_dynamics(*system.law)
     error = rng.normal(0.0, 20.0, right.contact_force.shape)
     found = force_feedback(equation(system), right.contact_force + error)
-    achieved, _ = forward(system, found.torque)
+    achieved, _ = system.forward(found.torque)
     joints = slice(6, None)
     for i, jacobian in enumerate(system.jacobian):
         wrong = -dual_selection(system.mass_matrix[i]) @ jacobian.T @ error[i]
@@ -124,13 +105,13 @@ def test_a_wrong_force_costs_what_the_law_says(make_system, rng, contacts):
 
 def test_wrongly_measured_internal_forces_move_nothing(make_system):
     """Errors that the base does not feel change the squeeze between the feet, not the motion."""
-    system = achievable(make_system("two flat feet"))
+    system = make_system("two flat feet").achievable()
     right = orthogonal_inverse_dynamics(*system.law)
     left = np.linalg.svd(system.jacobian[:, :, :6])[0]
     internal = 50.0 * left[:, :, 6:].sum(axis=-1)
     found = force_feedback(equation(system), right.contact_force + internal)
     assert np.abs(found.torque - right.torque).max() > 1.0
-    achieved, _ = forward(system, found.torque)
+    achieved, _ = system.forward(found.torque)
     np.testing.assert_allclose(achieved, system.acceleration, atol=1e-6)
 
 
@@ -166,9 +147,9 @@ def test_what_the_projection_lacks_presses_contacts_together(
     np.testing.assert_array_equal(operator.shape[1] - rank, lacking)
     if lacking:
         torque = torque_of(system)
-        before, force = forward(system, torque)
+        before, force = system.forward(torque)
         idle = np.linalg.svd(operator)[2][:, -1]
-        after, pressed = forward(system, torque + 100.0 * idle)
+        after, pressed = system.forward(torque + 100.0 * idle)
         np.testing.assert_allclose(after, before, atol=1e-5)
         assert (np.linalg.norm(pressed - force, axis=1) > 1.0).all()
 
@@ -179,7 +160,7 @@ def test_what_the_projection_lacks_presses_contacts_together(
 )
 def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(make_system, contacts):
     """Where contacts hold the base: a model of other masses shifts both laws by the same."""
-    system = achievable(make_system(contacts))
+    system = make_system(contacts).achievable()
     wrong = make_system(contacts)
     for mass_matrix, bias in ((system.mass_matrix, system.bias), (wrong.mass_matrix, wrong.bias)):
         model = system._replace(mass_matrix=mass_matrix, bias=bias)
@@ -192,21 +173,21 @@ def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(make_system, contac
 
 def test_eq_7_achieves_what_it_says(make_system, contacts):
     """Underactuated too, where joints do as commanded and the base what is left to it."""
-    system = achievable(make_system(contacts))
+    system = make_system(contacts).achievable()
     found = inertia_weighted(equation(system))
-    acceleration, force = forward(system, found.torque)
+    acceleration, force = system.forward(found.torque)
     np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
     np.testing.assert_allclose(found.contact_force, force, atol=1e-5)
     np.testing.assert_allclose(found.acceleration[:, 6:], system.acceleration[:, 6:], atol=1e-6)
     impossible = make_system(contacts)
     found = inertia_weighted(equation(impossible))
-    acceleration, _ = forward(impossible, found.torque)
+    acceleration, _ = impossible.forward(found.torque)
     np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
 
 
 def test_the_previous_torque_iterates_towards_eq_7(make_system, torque_of, contacts):
     """Ticks at a fixed state: error (1 - O)^k times the first, and never gone where O is zero."""
-    system = achievable(make_system(contacts))
+    system = make_system(contacts).achievable()
     goal = inertia_weighted(equation(system)).torque
     operator, _ = actuated_projection(equation(system))
     start = torque_of(system)
@@ -224,7 +205,7 @@ def test_the_previous_torque_iterates_towards_eq_7(make_system, torque_of, conta
 
 def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(make_system):
     """A constant feedback torque as part of what was applied, along eigenvectors of O."""
-    system = achievable(make_system("two flat feet", count=1))
+    system = make_system("two flat feet", count=1).achievable()
     operator, _ = actuated_projection(equation(system))
     values, vectors = np.linalg.eig(operator[0])
     order = np.argsort(values.real)

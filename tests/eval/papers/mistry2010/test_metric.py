@@ -118,12 +118,10 @@ def convert(solution, unit, to):
 def test_with_a_metric_units_do_not_matter(describe, metric, consistent):
     """Torque and achieved acceleration, even for a command that the contacts do not allow."""
     metres, other = describe(1.0, consistent), describe(MILLIMETRES, consistent)
-    solutions = [
-        metric_inverse_dynamics(
-            Equation(*case.law), length_metric(LEG * unit) if metric == "length" else case.law[0]
-        )
-        for case, unit in ((metres, 1.0), (other, MILLIMETRES))
-    ]
+    solutions = []
+    for case, unit in ((metres, 1.0), (other, MILLIMETRES)):
+        own = length_metric(LEG * unit) if metric == "length" else case.law[0]
+        solutions.append(metric_inverse_dynamics(Equation(*case.law), own))
     expected = convert(solutions[0], other.velocity_unit, MILLIMETRES)
     for name in ("torque", "acceleration", "contact_force"):
         there, here = getattr(expected, name), getattr(solutions[1], name)
@@ -134,13 +132,11 @@ def test_with_a_metric_units_do_not_matter(describe, metric, consistent):
 
 def test_without_a_metric_units_choose_the_torque(describe):
     """The plain law: a tenth or more of the torque depends on how long a metre is."""
-    solutions = []
-    for unit in (1.0, 10.0):
-        case = describe(unit, consistent=True)
-        solutions.append(orthogonal_inverse_dynamics(*case.law))
-    expected = convert(solutions[0], case.velocity_unit, 10.0)
-    np.testing.assert_allclose(solutions[1].acceleration, expected.acceleration, atol=1e-6)
-    off = np.linalg.norm((solutions[1].torque - expected.torque) / expected.torque, axis=1)
+    cases = [describe(unit, consistent=True) for unit in (1.0, 10.0)]
+    metres, found = (orthogonal_inverse_dynamics(*case.law) for case in cases)
+    expected = convert(metres, cases[1].velocity_unit, 10.0)
+    np.testing.assert_allclose(found.acceleration, expected.acceleration, atol=1e-6)
+    off = np.linalg.norm((found.torque - expected.torque) / expected.torque, axis=1)
     assert (off > 0.1).all()
 
 
@@ -180,11 +176,8 @@ def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(make_system, rn
 
 def test_a_diagonal_metric_is_a_torque_cost(make_system, rng, contacts):
     """[M10] eq. (16) with W = S B^-1 S^T, once the command is achievable."""
-    system = make_system(contacts)
-    achieved = orthogonal_inverse_dynamics(*system.law).acceleration
-    system = system._replace(acceleration=achieved)
-    nv = system.bias.shape[1]
-    metric = np.exp(rng.normal(size=nv))
+    system = make_system(contacts).achievable()
+    metric = np.exp(rng.normal(size=system.bias.shape[1]))
     found = metric_inverse_dynamics(Equation(*system.law), np.diag(metric))
     weighted = orthogonal_inverse_dynamics(*system.law, torque_cost=1.0 / metric[6:])
     np.testing.assert_allclose(found.torque, weighted.torque, atol=1e-6)
@@ -193,9 +186,7 @@ def test_a_diagonal_metric_is_a_torque_cost(make_system, rng, contacts):
 
 def test_the_inertia_metric_is_where_previous_torques_lead(make_system):
     """Eq. (8) fed by eq. (6), from no torque: it ends at the least torque in S M^-1 S^T."""
-    system = make_system("two flat feet", count=1)
-    achieved = orthogonal_inverse_dynamics(*system.law).acceleration
-    system = system._replace(acceleration=achieved)
+    system = make_system("two flat feet", count=1).achievable()
     expected = metric_inverse_dynamics(Equation(*system.law), system.mass_matrix)
     torque = np.zeros_like(expected.torque)
     for _ in range(3000):
