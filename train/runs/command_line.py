@@ -15,10 +15,14 @@ import tyro
 
 from fbid_gym.__main__ import called
 from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.policy import place_of
 from train.recipes import NONE, config_for, recipes
 from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, completed, parse_object
+from train.runs.environment import load_policy
 from train.runs.folder import RunFolder
 from train.runs.reading import LAYER_ARGS
+
+_NETWORK = dict.fromkeys(("hidden", "activation"))
 
 Read = TypeVar("Read")
 
@@ -39,16 +43,18 @@ def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> Tra
         if word.startswith(others):
             raise InvalidValueError("option", word, f"those of train.{algorithm}")
     chosen, rest = _chosen(given)
-    usual = config_for(
-        chosen.env, chosen.action_layer, chosen.layer_options, chosen.recipe, algorithm=algorithm
-    )
+    begun, network = _begun(chosen.start)
+    env, layer, layer_options = (getattr(chosen, x) or begun[x] for x in ("env", *LAYER_ARGS))
+    usual = config_for(env, layer, layer_options, chosen.recipe, algorithm=algorithm)
+    begun[algorithm] = replace(usual.hyperparameters, **network)
     names = ", ".join([*recipes(), NONE])
     return read_options(
         TrainConfig,
         prog=" ".join(called(f"train.{algorithm}")),
         description=f"{TrainConfig.__doc__}\n\nDefaults are those of the environment's recipe in "
-        f"train/recipes; --recipe NAME takes those of another: {names}.",
-        default=_plain(usual),
+        f"train/recipes and of the policy to --start with; --recipe NAME takes those of another: "
+        f"{names}.",
+        default=replace(usual, **begun),
         args=rest,
     )
 
@@ -77,7 +83,7 @@ def options(config: TrainConfig) -> tuple[str, ...]:
     usual = config_for(
         config.env, config.action_layer, config.layer_options, algorithm=config.algorithm
     )
-    return tuple(_options(asdict(config), asdict(_plain(usual))))
+    return tuple(_options(asdict(config), _unsaid(asdict(_plain(usual)), config.start)))
 
 
 def command(config: TrainConfig) -> str:
@@ -111,7 +117,7 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     arguments.pop("robot", None)
     own = {"robot": robot, "robots": arguments.pop("robots", [])}
     again = {**completed(stored), "env": env, "env_args": arguments, **own}
-    return tuple(_options(again, usual))
+    return tuple(_options(again, _unsaid(usual, again["start"])))
 
 
 def command_again(stored: Mapping[str, Any], path: Path) -> str:
@@ -123,10 +129,10 @@ def command_again(stored: Mapping[str, Any], path: Path) -> str:
 def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
     """Return the settings that choose the recipe, and the command line without its name."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    parser.add_argument("--env", default=TrainConfig.env)
-    parser.add_argument("--action-layer", "--action_layer", default=TrainConfig.action_layer)
+    for name in ("--env", "--start", "--recipe"):
+        parser.add_argument(name)
+    parser.add_argument("--action-layer", "--action_layer")
     parser.add_argument("--layer-options", "--layer_options", default="{}")
-    parser.add_argument("--recipe")
     try:
         chosen, _ = parser.parse_known_args(given)
         chosen.layer_options = parse_object(chosen.layer_options)
@@ -136,6 +142,32 @@ def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
     only = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     only.add_argument("--recipe")
     return chosen, only.parse_known_args(given)[1]
+
+
+def _begun(start: str | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return settings of a training that begins with a policy, or with none; and of its network.
+
+    They are those of the policy, but for the robot.
+    """
+    if start is None:
+        args: Mapping[str, Any] = {"action_layer": TrainConfig.action_layer}
+        env, network = TrainConfig.env, {}
+    else:
+        policy = load_policy(place_of(start))
+        args, env = policy.env_args, policy.env_id
+        widths = tuple(len(bias) for bias in policy.biases[:-1])
+        network = {"hidden": widths, "activation": policy.activation}
+    rest = {name: value for name, value in args.items() if name not in ("robot", *LAYER_ARGS)}
+    layer = {name: args.get(name, {}) for name in LAYER_ARGS}
+    return {"start": start, "env": env, "env_args": rest, **layer}, network
+
+
+def _unsaid(usual: dict[str, Any], start: str | None) -> dict[str, Any]:
+    """Return defaults without those that a policy to start with would replace."""
+    if start is None:
+        return usual
+    own = {name: {**usual[name], **_NETWORK} for name in ALGORITHMS if usual.get(name)}
+    return {**usual, **dict.fromkeys(("env", "env_args", *LAYER_ARGS)), **own}
 
 
 def _plain(config: TrainConfig) -> TrainConfig:

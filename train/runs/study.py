@@ -26,6 +26,7 @@
     robot = "dog/robot.toml"                 # instead of the environment's, as --robot; and feet
     robots = ["go1", "zoo:quadruped:0-15"]   # or several at once, as --robots
     algorithm = "sac"                        # that learns; "ppo" where it is not said
+    start = "shipped:any-quadruped"          # policy to begin with, instead of the zero action
     total_steps = 5_000_000                  # any setting of a recipe, for this arm
 
     [[arms]]
@@ -58,7 +59,7 @@ from train.runs.proportional import GAIN, check_unlearnt
 from train.runs.robots import chosen, with_robot, with_robots
 from train.runs.training import is_finished
 
-_OF_LEARNING = ("robots", "seeds", "recipe", "algorithm")
+_OF_LEARNING = ("robots", "seeds", "recipe", "algorithm", "start")
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
     *("robot", "feet", "policy", *_OF_LEARNING),
@@ -267,6 +268,7 @@ def _cells(
                 robot=robot,
                 feet=feet,
                 robots=robots,
+                start=arm.get("start"),
                 seed=seed,
                 num_threads=1,
                 out=out / (place if policy else f"{place}-s{seed}"),

@@ -36,12 +36,12 @@ class Pattern(NamedTuple):
     start: float  # of the speed, greatest ahead that the first step is planned for
     moment: tuple[float, float]  # `Target.moment` that tilts the trunk, and that turns it
     width: float  # between the middles of the feet, of that at which soles all but touch
-    trail: float  # share of its planned velocity that a foot in the air is damped towards
+    lag: float  # by what share less than its planned velocity a foot in the air is damped towards
 
 
 PATTERNS = {
-    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 1.0),
-    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.7),
+    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0),
+    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.3),
 }
 """Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
 body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
@@ -117,7 +117,7 @@ def biped_gait(
         longest=_LONGEST * leg,
         lift=pattern.lift * leg,
         sink=pattern.sink * speed,
-        trail=pattern.trail,
+        trail=1.0 - pattern.lag * haste**2,
         load=_LOAD * robot.weight,
         sole=SOLE * sole,
         points=SOLE * points,

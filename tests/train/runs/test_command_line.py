@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from fbid_gym.errors import FbidError
+from fbid_gym.policy import Policy
 from train.recipes import config_for
 from train.runs.command_line import options, parse, stored_options
 from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
@@ -35,12 +36,24 @@ USUAL = config_for(TrainConfig.env, TrainConfig.action_layer)
         ),
         TrainConfig(algorithm="sac", env="fbid_gym/QuadrupedWalk-v0", seed=2,
                     sac=SACConfig(tau=0.1, hidden=(8,), learning_rate_end=None)),
+        TrainConfig(start="shipped:any-quadruped", ppo=PPOConfig(gamma=0.9)),
     ],
 )  # fmt: skip
 def test_options_are_the_command_line_of_the_configuration(config):
     assert parse(list(options(config)), config.algorithm) == config
     again = replace(config, num_threads=0, out=None, overwrite=False)
     assert parse(list(stored_options(config.to_json(), FOLDER)), config.algorithm) == again
+
+
+def test_a_training_begins_with_a_policy_as_that_was_trained():
+    policy = Policy.load(shipped := "shipped:any-quadruped")
+    config = parse(["--start", shipped, "--robot", "go1", "--seed", "3"])
+    assert config.make_args() == policy.env_args and config.env == policy.env_id
+    assert (config.robot, config.seed, config.start) == ("go1", 3, shipped)
+    assert [w.shape[0] for w in policy.weights[:-1]] == list(config.ppo.hidden)
+    assert config.ppo.activation == policy.activation
+    with pytest.raises(FbidError, match="nowhere"):
+        parse(["--start", "nowhere"])
 
 
 def test_options_of_another_algorithm_are_refused():
