@@ -99,7 +99,7 @@ LINES = {
 # Of eval/papers without its templates; 4,800 is where this shall go.
 PAPERS_LINES = 5_418
 # Of all that is in tests/; 24,000 is where this shall go.
-TEST_LINES = 29_311
+TEST_LINES = 29_316
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (38, 6917)}

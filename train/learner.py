@@ -60,13 +60,14 @@ def build(config: TrainConfig, robots: VecEnv) -> BaseAlgorithm:
 def _begin_with(learner: BaseAlgorithm, config: TrainConfig, policy: Policy) -> None:
     """Let a learner begin with a policy, and with its scaling of the observations.
 
-    SAC squashes what PPO cuts off: it begins with somewhat smaller actions than a policy of PPO.
+    SAC squashes what PPO cuts off: from one to the other, large actions are not the same.
     """
     layers = ALGORITHMS[config.algorithm].layers(learner)
     args, own = config.make_args(), config.hyperparameters
     for name, its, expected in (
         ("weights", [w.shape for w in policy.weights], [tuple(x.weight.shape) for x in layers]),
         ("activation", policy.activation, own.activation),
+        ("clip", policy.clip, own.clip_observation),
         *((name, policy.env_args.get(name), args.get(name)) for name in _ALIKE),
     ):
         if its != expected:

@@ -23,7 +23,7 @@ class FlatFootGait(NamedTuple):
     double: float  # s in double support
     top: float  # m/s ahead, greatest that it follows
     start: float  # m/s ahead, greatest that the first step is planned for
-    moment: np.ndarray  # (3,) `Target.moment`
+    moment: np.ndarray  # (3,) `Target.moment`; exact where base and trunk share axes, in any order
     settle: float  # s in which a robot that stands shifts its weight
     agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
     trim: Trim  # of the velocity
