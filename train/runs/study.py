@@ -6,6 +6,8 @@
     page = "study"                           # of docs/; else the study's own name
     runs = "mine"                            # folder of the runs, beside the file; else runs/NAME
     eval = { every = 250_000 }               # any setting of a recipe, for every arm
+    env = "fbid_gym/QuadrupedWalk-v0"        # likewise action_layer, layer_options and env_args,
+                                             # for every arm that does not name its own
 
     [transfer]                               # robots that no arm learns with, for eval.scaling
     unseen = ["zoo:quadruped:1000-1029"]
@@ -19,7 +21,6 @@
 
     [[arms]]
     name = "home"                            # once in each environment
-    env = "fbid_gym/QuadrupedWalk-v0"
     action_layer = "joint_position"
     layer_options = { reference = "home" }
     env_args = {}                            # further arguments of the environment
@@ -31,7 +32,6 @@
 
     [[arms]]
     name = "gain"
-    env = "fbid_gym/QuadrupedWalk-v0"
     action_layer = "base_acceleration"
     policy = "proportional:24"               # or "zero": nothing is learnt, so there are no seeds
 
@@ -65,6 +65,7 @@ _OF_ARM = (
     *("robot", "feet", "policy", *_OF_LEARNING),
 )
 _REQUIRED = ("name", "env", "action_layer")
+_FOR_EVERY_ARM = ("env", "action_layer", "layer_options", "env_args")
 
 
 class Cell(NamedTuple):
@@ -154,6 +155,8 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     transfer = _transfer(path, data.pop("transfer", None))
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
+    usual = {name: data.pop(name) for name in _FOR_EVERY_ARM if name in data}
+    arms = [usual | arm for arm in arms]
     check(f"study {path.stem!r}", data, valid_settings())
     if runs is not None and not _is_name(runs):
         raise RunError(f"{path}: runs is {runs!r}. Expected the name of a folder beside it.")

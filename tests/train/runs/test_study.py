@@ -74,9 +74,10 @@ def test_studies_that_share_a_folder_mean_the_same_by_a_training():
 def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
     """Settings of an arm go before those of the study, and are checked together with them."""
     text = (
-        f'title = "T"\nreference = "b c"\nseeds = [0, 3]\nnum_envs = 200\n{ARM}total_steps = 1000\n'
+        f'title = "T"\nreference = "b c"\nseeds = [0, 3]\nnum_envs = 200\nenv = "{WALK}"\n'
+        f'action_layer = "joint_position"\n{ARM}total_steps = 1000\n'
         "ppo = { hidden = [8], n_steps = 12, batch_size = 1200 }\neval = { every = 9 }\n"
-        f'[[arms]]\nname = "b c"\nenv = "{WALK}"\naction_layer = "joint_position"\n'
+        '[[arms]]\nname = "b c"\n'  # takes the layer of every arm, which the first does not
         'layer_options = { reference = "home" }\nseeds = [3, 5]\nnum_envs = 512\n'
     )
     study = read_study(write(tmp_path, f"eval = {{ every = 100, episodes = 7 }}\n{text}"), tmp_path)
@@ -89,10 +90,11 @@ def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
     own = {"ppo": ppo, "eval": replace(usual.eval, every=9, episodes=7), "num_threads": 1}
     own |= {"total_steps": 1000, "num_envs": 200, "out": tmp_path / "QuadrupedWalk-v0-a-s0"}
     assert first == replace(usual, **own)
+    assert (first.action_layer, third.action_layer) == ("torque", "joint_position")
     assert third.out == tmp_path / "QuadrupedWalk-v0-b_c-s3"
     assert third.ppo == config_for(WALK, "joint_position", {"reference": "home"}).ppo
-    kept = read_study(write(tmp_path, f'runs = "kept"\n{ARM}')).cells[0].config
-    assert kept.folder.parent == tmp_path / "kept"
+    kept = read_study(write(tmp_path, f'runs = "kept"\n{ARM}')).runs
+    assert kept == tmp_path / "kept"
 
 
 def test_arms_may_say_what_learns_and_on_which_robot(tmp_path):
