@@ -73,17 +73,13 @@ class LayersConfig:
 
 
 class Standing(NamedTuple):
-    """What a layer comes to over all tasks.
+    """What a layer comes to over all tasks."""
 
-    Attributes:
-        score: mean over tasks of the interquartile mean over robots.
-        better: probability that one of its robots earns more than one of the best of the package.
-        p_value: of that, over all tasks, adjusted for the number of layers (Holm); NaN for itself.
-    """
-
-    score: Estimate
+    score: Estimate  # mean over tasks of the interquartile mean over robots
     better: Estimate
+    """Probability that one of its robots earns more than one of the best of the package."""
     p_value: float
+    """Of that, over all tasks, adjusted for the number of layers (Holm); NaN for itself."""
 
 
 def registered(files: Sequence[Path]) -> dict[str, str]:

@@ -59,23 +59,14 @@ class ScalingConfig:
 
 
 class Played(NamedTuple):
-    """What an arm's policies, or those who learnt nothing, did on the unseen robots.
+    """What an arm's policies, or those who learnt nothing, did on the unseen robots."""
 
-    Attributes:
-        name: of the arm, or of the law.
-        layer: in words.
-        bodies: number of robots that it learnt with; 0 of laws.
-        seen: names of those.
-        returned: robot -> mean return of each seed.
-        up: robot -> share of the episodes without a fall, of each seed.
-    """
-
-    name: str
-    layer: str
-    bodies: int
-    seen: frozenset[str]
-    returned: dict[str, list[float]]
-    up: dict[str, list[float]]
+    name: str  # of the arm, or of the law
+    layer: str  # in words
+    bodies: int  # number of robots that it learnt with; 0 of laws
+    seen: frozenset[str]  # names of those
+    returned: dict[str, list[float]]  # robot -> mean return of each seed
+    up: dict[str, list[float]]  # robot -> share of the episodes without a fall, of each seed
 
     def over(self, what: str, robots: list[str]) -> np.ndarray:
         """(S,) mean of "returned" or "up" over robots, of each seed."""

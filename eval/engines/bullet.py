@@ -41,10 +41,6 @@ class BulletWorld:
     ground with their friction are those of the model. Bullet knows no armature: the inertia of a
     motor's rotor is added to the link that it drives, about the joint's axis. There it is felt also
     when that link turns with the whole robot, which armature is not.
-
-    Attributes:
-        robot: the robot.
-        hz: physics steps per second.
     """
 
     def __init__(self, robot: Robot, hz: int, *, armature: bool = True) -> None:

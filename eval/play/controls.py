@@ -45,21 +45,13 @@ _SHOWN_FIRST = ("forces", "com")
 
 @dataclass(frozen=True)
 class Control:
-    """What can be set: a slider or a field for a number, a menu of words, or a switch.
+    """What can be set: a slider or a field for a number, a menu of words, or a switch."""
 
-    Attributes:
-        group: where it stands on the page.
-        label: with its unit.
-        kind: what values it takes.
-        default: its value at the start.
-        resets: whether a change starts the episode anew.
-    """
-
-    group: str
-    label: str
-    kind: Kind
-    default: Any
-    resets: bool = False
+    group: str  # where it stands on the page
+    label: str  # with its unit
+    kind: Kind  # what values it takes
+    default: Any  # its value at the start
+    resets: bool = False  # whether a change starts the episode anew
 
 
 def controls(stage: Stage) -> dict[str, Control]:

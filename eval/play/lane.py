@@ -17,15 +17,10 @@ _ONLY = np.zeros(1, int)
 
 
 class Player(NamedTuple):
-    """Who drives a robot.
+    """Who drives a robot."""
 
-    Attributes:
-        layer: name of the action layer.
-        policy: name of the policy, or "zero action".
-    """
-
-    layer: str
-    policy: str
+    layer: str  # name of the action layer
+    policy: str  # name of the policy, or "zero action"
 
     @property
     def word(self) -> str:
@@ -45,17 +40,7 @@ def players(stage: Stage, settings: Settings) -> list[Player]:
 
 
 class Lane:
-    """One robot, in a world of its own.
-
-    Attributes:
-        player: who drives it.
-        options: of the layer.
-        batch: the environment.
-        last: what its last policy step returned; None before the first.
-        action: (A,) of that step.
-        fallen: s since its fall; None while it is up.
-        falls: how often it has fallen since the session was last restarted.
-    """
+    """One robot, in a world of its own."""
 
     def __init__(self, stage: Stage, player: Player, settings: Settings) -> None:
         """Build the environment; `reset` or `take_over` before the first step.
@@ -75,13 +60,13 @@ class Lane:
         if "gait" in settings:
             changes["gait"] = settings["gait"]
         self.batch = EnvBatch(stage.config(changes), 1)
-        self.last: Step | None = None
-        self.action = np.zeros(len(self.batch.action_names))
+        self.last: Step | None = None  # what its last policy step returned; None before the first
+        self.action = np.zeros(len(self.batch.action_names))  # (A,) of that step
         if self._policy is not None:
             seen = self.batch.observation().shape[1]
             check_fits(self._policy, self.batch.robot, seen, len(self.action))
-        self.fallen: float | None = None
-        self.falls = 0
+        self.fallen: float | None = None  # s since its fall; None while it is up
+        self.falls = 0  # how often it has fallen since the session was last restarted
 
     def reset(self, settings: Settings) -> None:
         """Start an episode from the seed of the settings."""

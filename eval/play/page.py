@@ -24,11 +24,7 @@ _LATE = 0.1  # s of the session's time that are made up for, beyond them it is s
 
 
 class Page:
-    """One session on one server; any number of viewers.
-
-    Attributes:
-        frames: that were drawn.
-    """
+    """One session on one server; any number of viewers."""
 
     def __init__(self, server: viser.ViserServer, session: Session) -> None:
         """Send the page."""
@@ -43,7 +39,7 @@ class Page:
         self._drawn = (-1, -1)
         self._overlaid = (-1, -1)
         self._due: dict[str, float] = {}
-        self.frames = 0
+        self.frames = 0  # drawn
 
     def _furnish(self) -> None:
         """Overlays and plots for the robots that there are."""

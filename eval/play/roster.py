@@ -23,17 +23,11 @@ _DRAWN = f"{HELD_OUT}-{HELD_OUT + 7}"  # seeds of those on the menu
 
 
 class Entry(NamedTuple):
-    """A policy that can be chosen.
+    """A policy that can be chosen."""
 
-    Attributes:
-        name: on the page.
-        policy: what acts.
-        path: its run folder or file.
-    """
-
-    name: str
-    policy: Policy
-    path: Path
+    name: str  # on the page
+    policy: Policy  # what acts
+    path: Path  # its run folder or file
 
     def robot(self) -> Robot:
         """Return the robot that it learnt with.

@@ -26,13 +26,7 @@ go."""
 
 
 class Body:
-    """The frames of one robot's bodies.
-
-    Attributes:
-        root: name of the node that all of it hangs from.
-        node: that node.
-        offset: (3,) m, where its world lies in the scene.
-    """
+    """The frames of one robot's bodies."""
 
     def __init__(
         self, server: viser.ViserServer, lane: Lane, place: int, offset: np.ndarray, drag: Drag
@@ -41,6 +35,7 @@ class Body:
         batch = lane.batch
         _, self._model = batch.config.ground(batch.config.load_robot())  # with what is only drawn
         self._data = mujoco.MjData(self._model)
+        # The node that all of it hangs from, and (3,) m, where its world lies in the scene.
         self.root, self.offset, self._place = f"/world/robot{place}", offset, place
         self.node = server.scene.add_frame(self.root, show_axes=False, position=offset)
         drawn = list(shapes(self._model))
@@ -148,12 +143,7 @@ class Body:
 
 
 class Scene:
-    """Ground and robots.
-
-    Attributes:
-        size: m, of the robot as it stands.
-        bodies: of the robots.
-    """
+    """Ground and robots."""
 
     def __init__(self, server: viser.ViserServer, lanes: list[Lane], drag: Drag) -> None:
         """Send ground and robots, and place the camera of those who come."""
@@ -194,7 +184,7 @@ class Scene:
         """Fit the ground and the first view to a robot, unless it is the one that they fit."""
         if stance is self._measured:
             return
-        self._measured, self.size = stance, size_of(stance)
+        self._measured, self.size = stance, size_of(stance)  # m, of the robot as it stands
         cell = 0.25 if self.size < 1.0 else 0.5
         self._section = 4.0 * cell
         self._grid = self._server.scene.add_grid(

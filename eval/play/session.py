@@ -55,17 +55,7 @@ Request = Change | ChangeAll | Push | Reset | OneStep
 
 
 class Session:
-    """Robots side by side under the same commands and pushes.
-
-    Attributes:
-        stage: what stays, but for the robot where another is chosen.
-        offered: what can be set, for that robot.
-        settings: as they apply now.
-        lanes: the robots.
-        steps: policy steps since the session began.
-        version: grows with every change that a page shows.
-        refused: why the last change that came to nothing did; empty if none.
-    """
+    """Robots side by side under the same commands and pushes."""
 
     def __init__(self, stage: Stage, settings: Mapping[str, Any] | None = None) -> None:
         """Begin with these settings, the others as they are at the start.
@@ -74,14 +64,17 @@ class Session:
             FbidError: a setting that may not be, or a policy that does not fit.
         """
         given = settings or {}
+        # What stays, but for the robot where another is chosen; and what can be set, for that one.
         self.stage, self.offered = stage, controls(stage)
         name = checked(self.offered, "robot", given.get("robot", stage.robots[0]))
         self.stage, self.offered = self.stage.with_robot(name), self.offers(name)
-        self.settings: Settings = resolved(self.stage, self.offered, given)
+        self.settings: Settings = resolved(self.stage, self.offered, given)  # as they apply now
         self.lanes = [
             Lane(self.stage, player, self.settings) for player in players(stage, self.settings)
         ]
-        self.steps, self.version, self.refused = 0, 0, ""
+        self.steps = 0  # policy steps since the session began
+        self.version = 0  # grows with every change that a page shows
+        self.refused = ""  # why the last change that came to nothing did; empty if none
         self._queue: deque[Request] = deque()
         self._single = 0
         self._restart()

@@ -12,21 +12,13 @@ _DRAWN_GROUPS = 3  # as in MuJoCo's own viewer
 
 
 class Shape(NamedTuple):
-    """What is drawn of a body in one colour.
-
-    Attributes:
-        body: its id.
-        colour: red, green, blue, 0 to 255.
-        opacity: 0 to 1.
-        vertices: (V, 3) m, in the body's frame.
-        faces: (T, 3) int.
-    """
+    """What is drawn of a body in one colour."""
 
     body: int
-    colour: tuple[int, int, int]
-    opacity: float
-    vertices: np.ndarray
-    faces: np.ndarray
+    colour: tuple[int, int, int]  # red, green, blue, 0 to 255
+    opacity: float  # 0 to 1
+    vertices: np.ndarray  # (V, 3) m, in the body's frame
+    faces: np.ndarray  # (T, 3) int
 
 
 def shapes(model: mujoco.MjModel) -> Iterator[Shape]:

@@ -67,26 +67,18 @@ def check_stage(env_id: str, policies: Mapping[str, Policy]) -> None:
 
 @dataclass(frozen=True)
 class Stage:
-    """Where a session plays.
+    """Where a session plays."""
 
-    Attributes:
-        env_id: a registered environment.
-        arguments: further ones of the environment, for all policies; of those in `OWNED`, with what
-            it begins. What they do not name is as the first policy learnt with.
-        policies: those that can be chosen, by name.
-        first: name of the one that acts first, or `NO_POLICY`.
-        robots: names of those that can be chosen; the first is there as a session begins.
-        chosen: name of the one that is there.
-        begun: the first, once there is another.
-    """
-
-    env_id: str
+    env_id: str  # a registered environment
     arguments: Mapping[str, Any]
-    policies: Mapping[str, Policy]
-    first: str
+    """Further ones of the environment, for all policies; of those in `OWNED`, with what it begins.
+    What they do not name is as the first policy learnt with."""
+    policies: Mapping[str, Policy]  # those that can be chosen, by name
+    first: str  # name of the one that acts first, or `NO_POLICY`
     robots: tuple[str, ...] = ()
-    chosen: str = ""
-    begun: Robot | None = None
+    """Names of those that can be chosen; the first is there as a session begins."""
+    chosen: str = ""  # name of the one that is there
+    begun: Robot | None = None  # the first, once there is another
 
     @classmethod
     def of(

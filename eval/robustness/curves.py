@@ -32,15 +32,10 @@ _FACTORS = {factor.name for factor in FACTORS}
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is played.
+    """How much is played."""
 
-    Attributes:
-        episodes: of every run at every value: robots side by side, each for one episode.
-        seed: robot i starts from seed + i, whatever the arm and the value.
-    """
-
-    episodes: int
-    seed: int
+    episodes: int  # of every run at every value: robots side by side, each for one episode
+    seed: int  # robot i starts from seed + i, whatever the arm and the value
 
 
 @dataclass(frozen=True)

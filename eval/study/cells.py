@@ -20,15 +20,10 @@ from train.runs.tables import read_rows
 
 
 class Curve(NamedTuple):
-    """One measure of an arm, at the evaluations that all seeds that count have had.
+    """One measure of an arm, at the evaluations that all seeds that count have had."""
 
-    Attributes:
-        steps: (K,) of the training.
-        values: (S, K), a row for each seed.
-    """
-
-    steps: np.ndarray
-    values: np.ndarray
+    steps: np.ndarray  # (K,) of the training
+    values: np.ndarray  # (S, K), a row for each seed
 
 
 def curve(arm: Arm, column: str) -> Curve:

@@ -39,16 +39,12 @@ Columns = dict[str, np.ndarray]
 
 
 class Played(NamedTuple):
-    """What one policy did.
+    """What one policy did."""
 
-    Attributes:
-        means: columns of `evaluations.csv` that are of the episodes, (1,) each.
-        each: those of them that are means of the episodes, (E,) each, in the order of their seeds;
-            empty where they were not kept.
-    """
-
-    means: Columns
+    means: Columns  # columns of `evaluations.csv` that are of the episodes, (1,) each
     each: Columns
+    """Those of them that are means of the episodes, (E,) each, in the order of their seeds; empty
+    where they were not kept."""
 
     @classmethod
     def of(cls, row: Mapping[str, str]) -> "Played":

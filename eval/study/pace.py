@@ -12,15 +12,11 @@ from eval.wording import number
 
 
 class Pace(NamedTuple):
-    """How the arms of one environment are drawn together.
-
-    Attributes:
-        share: by arm, what its steps and its returns are multiplied by: 1 for the slowest.
-        most: return that an episode of the slowest cannot exceed.
-    """
+    """How the arms of one environment are drawn together."""
 
     share: Mapping[str, float]
-    most: float
+    """By arm, what its steps and its returns are multiplied by: 1 for the slowest."""
+    most: float  # return that an episode of the slowest cannot exceed
 
     @classmethod
     def of(cls, most: Iterable[tuple[str, float]]) -> "Pace":

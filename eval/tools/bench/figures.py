@@ -25,23 +25,14 @@ class Limit:
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured figure.
-
-    Attributes:
-        what: what was measured.
-        cost: its absolute size on this machine, with the unit.
-        value: the figure the limit speaks of: the median over rounds.
-        low: lower quartile of it over rounds.
-        high: upper quartile.
-        limit: what it should keep to, if anything.
-    """
+    """One measured figure."""
 
     what: str
-    cost: str
-    value: float
-    low: float
-    high: float
-    limit: Limit | None = None
+    cost: str  # its absolute size on this machine, with the unit
+    value: float  # the figure the limit speaks of: the median over rounds
+    low: float  # lower quartile of it over rounds
+    high: float  # upper quartile
+    limit: Limit | None = None  # what it should keep to, if anything
 
     @classmethod
     def of(cls, what: str, cost: str, rounds: np.ndarray, limit: Limit | None = None) -> "Figure":
@@ -52,18 +43,11 @@ class Figure:
 
 @dataclass(frozen=True)
 class Section:
-    """A table of figures.
-
-    Attributes:
-        title: its heading.
-        note: what was done, and the unit of the figures.
-        unit: column heading of the figures.
-        figures: the rows.
-    """
+    """A table of figures."""
 
     title: str
-    note: str
-    unit: str
+    note: str  # what was done, and the unit of the figures
+    unit: str  # column heading of the figures
     figures: tuple[Figure, ...]
 
     def markdown(self) -> str:

@@ -18,15 +18,11 @@ described = cache(page)
 
 
 class Scene(NamedTuple):
-    """The clip of an environment.
-
-    Attributes:
-        env_id: of the environment.
-        shipped: the policy that acts; None where none is shipped, then the zero action does.
-    """
+    """The clip of an environment."""
 
     env_id: str
     shipped: Shipped | None
+    """The policy that acts; None where none is shipped, then the zero action does."""
 
     @classmethod
     def of(cls, env_id: str) -> "Scene":

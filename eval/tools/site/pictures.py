@@ -39,17 +39,11 @@ _SEED = 3
 
 
 class Response(NamedTuple):
-    """What a push does to a robot; T policy steps, up to its fall.
+    """What a push does to a robot; T policy steps, up to its fall."""
 
-    Attributes:
-        time: (T,) s, since the push began.
-        shift: (T,) cm, horizontally, of the base over the feet.
-        torque: (T,) N·m, rms over the joints.
-    """
-
-    time: list[float]
-    shift: list[float]
-    torque: list[float]
+    time: list[float]  # (T,) s, since the push began
+    shift: list[float]  # (T,) cm, horizontally, of the base over the feet
+    torque: list[float]  # (T,) N·m, rms over the joints
 
 
 def respond(layer: str) -> Response:
