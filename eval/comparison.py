@@ -38,11 +38,6 @@ class Clips:
 def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: None) -> Comparison:
     """Play every run and the zero action of every layer, and gather the statistics.
 
-    Args:
-        runs: loaded runs and exported policies.
-        settings: how.
-        say: told what is happening.
-
     Raises:
         RunError: runs that cannot be compared.
     """
@@ -208,13 +203,7 @@ def _pair(one: Layer, other: Layer, chance: Chance) -> Pair:
 
 
 def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: None) -> Clips:
-    """Record the median run of each layer, every layer under the same pushes.
-
-    Args:
-        runs: as given to `compare`.
-        comparison: its result.
-        say: told what is happening.
-    """
+    """Record the median run of each layer of a comparison, all under the same pushes."""
     settings = comparison.settings
     push = settings.video_push * comparison.hardest_push
     # Who was never pushed may be of an environment that knows no such argument.

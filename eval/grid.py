@@ -82,10 +82,8 @@ def tiled(
 ) -> list[np.ndarray]:
     """Return films side by side, row by row; one that ends before others stays at its last picture.
 
-    Args:
-        films: title -> pictures (height, width, 3) uint8.
-        size: width and height of each in the result.
-        columns: films in a row, at most.
+    Films are pictures (height, width, 3) uint8 by their titles, and `size` is that of one in the
+    result, width and height.
     """
     columns = min(columns, len(films))
     rows, (width, height) = -(-len(films) // columns), size

@@ -25,13 +25,7 @@ _BY_NAME = {metric.name: metric for metric in METRICS}
 
 
 def page(c: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str:
-    """Lay out the whole report.
-
-    Args:
-        c: what was found.
-        clips: videos, if there are any.
-        command: the command line that made it, to be shown.
-    """
+    """Lay out the whole report; it shows the command line that made it."""
     colours = colours_of(layer.name for layer in c.layers)
     known = [metric for metric in METRICS if _known(c, metric)]
     shown = [metric for metric in known if metric.name in _SHOWN]

@@ -49,12 +49,7 @@ class Settings:
 def greatest_return(env_id: str, arguments: Mapping[str, Any]) -> float:
     """Return that no episode exceeds: in environments of ours a policy step earns at most 1.
 
-    Args:
-        env_id: Gymnasium id.
-        arguments: of the environment.
-
-    Returns:
-        NaN for an environment of somebody else.
+    NaN for an environment of somebody else.
     """
     if env_id not in ENVIRONMENTS:
         return math.nan

@@ -62,10 +62,7 @@ class Player:
     def of(cls, run: Run, *, trained: bool = True, **env_args: Any) -> "Player":
         """Return the player of a run, or of the zero action in its environment.
 
-        Args:
-            run: the run, or exported policy.
-            trained: False for the zero action.
-            **env_args: replace those the policy was trained with.
+        Further arguments replace those that the policy was trained with.
         """
         policy = run.policy
         arguments = {**policy.env_args, **env_args}
@@ -75,13 +72,9 @@ class Player:
     def unlearnt(
         cls, policy: str, env_id: str, env_args: Mapping[str, Any], robot: Robot | None = None
     ) -> "Player":
-        """Return the player of a policy that learns nothing.
+        """Return the player of a policy that learns nothing: "zero", or `proportional:GAIN`.
 
-        Args:
-            policy: "zero", or `proportional:GAIN`.
-            env_id: Gymnasium id.
-            env_args: of the environment, the action layer among them.
-            robot: instead of the one that they name.
+        The robot replaces the one that the environment's arguments name.
 
         Raises:
             FbidError: no such policy, or one that cannot act there.
@@ -135,15 +128,10 @@ def play_player(
     num_envs: int | None = None,
     on_episode: Any = lambda finished: None,
 ) -> Episodes:
-    """Play whole episodes of a player in its own environment.
+    """Play whole episodes of a player in its own environment, the i-th of which has seed + i.
 
-    Args:
-        player: who acts, and where.
-        episodes: how many.
-        seed: of the first environment; the i-th uses seed + i.
-        num_envs: how many at a time. Default: one environment per episode, up to 128, so that
-            episode i always starts from seed + i.
-        on_episode: called with the number of finished episodes.
+    By default there are as many environments as episodes, up to 128, so that episode i always
+    starts from seed + i. `on_episode` is called with the number of finished episodes.
 
     Raises:
         PolicyFileError: the policy does not fit its environment.
@@ -171,12 +159,9 @@ def filmed(player: Player, seed: int, seconds: float, title: str, fps: float = 2
 
 
 def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
-    """Load a run folder or an exported policy.
+    """Load a run folder, the file of a policy, or `shipped:NAME`.
 
-    Args:
-        source: the folder, the file of a policy, or `shipped:NAME`.
-        env_args: replace those the policy was trained with.
-        robot: instead of the one that it was trained on.
+    Arguments and robot replace those that it was trained with.
     """
     source = place_of(source)
     policy = load_policy(source)

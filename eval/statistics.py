@@ -39,12 +39,7 @@ class Chance(NamedTuple):
         outwards: nothing is interpolated, so infinite values (a threshold that was never reached)
         are allowed and the interval is never too narrow.
 
-        Args:
-            data: groups (R, ...) of at least two runs each.
-            statistic: of the groups.
-
-        Returns:
-            (2, ...), lower and upper bound.
+        Each group (R, ...) has at least two runs; the bounds are (2, ...), lower and upper.
         """
         with np.errstate(invalid="ignore"):  # of scipy's own interval, where values are infinite
             drawn = stats.bootstrap(
@@ -88,10 +83,7 @@ def estimate(values: np.ndarray, chance: Chance) -> Estimate:
 def band(x: Sequence[np.ndarray], y: Sequence[np.ndarray], chance: Chance) -> Band:
     """Interquartile mean of learning curves, with its interval, on the range that all cover.
 
-    Args:
-        x: increasing abscissae of each run.
-        y: what is learnt, likewise.
-        chance: how the interval is drawn.
+    Of each run, x are the increasing abscissae, y what is learnt.
     """
     grid = common_grid(x)
     curves = np.stack([np.interp(grid, xs, ys) for xs, ys in zip(x, y, strict=True)])
@@ -113,18 +105,12 @@ def crossing(each: np.ndarray, chance: Chance) -> Crossing:
 
 
 def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
-    """Where a curve first reaches a threshold, linearly interpolated between its points.
+    """Where a curve (K,) first reaches a threshold, linearly interpolated between its points.
 
-    Args:
-        x: (K,) increasing abscissae.
-        y: (K,); minus infinity where a point does not count, and then the next one that reaches
-            the threshold is the time: what is not known in between is not guessed.
-        threshold: to be reached.
-
-    Returns:
-        The abscissa; x[0] if the curve starts at or above the threshold (reached there or before);
-        infinity if it never reaches it. A censored run is thereby later than any budget, never
-        left out.
+    A point that does not count is minus infinity, and then the next one that reaches the threshold
+    is the time: what is not known in between is not guessed. It is x[0] if the curve starts at or
+    above the threshold (reached there or before); infinity if it never reaches it. A censored run
+    is thereby later than any budget, never left out.
     """
     above = np.flatnonzero(y >= threshold)
     if above.size == 0:
@@ -159,12 +145,8 @@ def improvement(x: Sequence[np.ndarray], y: Sequence[np.ndarray], chance: Chance
 
     The Mann-Whitney statistic of each task over the number of pairs; ties count one half. When
     every run of one side beats every run of the other, each resampled set says the same and the
-    interval has no width. That is a limit of the bootstrap, not certainty: see `p_value`.
-
-    Args:
-        x: (R,) for each task; more is better.
-        y: (R',), likewise.
-        chance: how the interval is drawn.
+    interval has no width. That is a limit of the bootstrap, not certainty: see `p_value`. More is
+    better; x has (R,) for each task, y (R',).
     """
 
     def beats(*sides: np.ndarray, axis: int) -> np.ndarray:
@@ -210,10 +192,7 @@ def paired(x: np.ndarray, y: np.ndarray, confidence: float) -> tuple[Estimate, f
     language-as-fixed-effect fallacy". Of two policies that are no runs it is the paired t-test over
     episodes.
 
-    Args:
-        x: (R, E) of runs and episodes, or (E,) of a policy that is no run.
-        y: likewise; one of the two at least is (E,).
-        confidence: of the interval.
+    Either is (R, E) of runs and episodes, or (E,) of a policy that is no run, as one of them is.
 
     Returns:
         The mean of x - y with its interval, and the two-sided p-value: no interval, and 1, where

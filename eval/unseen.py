@@ -10,11 +10,7 @@ from fbid_gym.errors import RunError
 def check_unseen(first: int, episodes: int, config: Mapping[str, Any], folder: Path) -> None:
     """Raise RunError where a training was evaluated from seeds that are to be measured from.
 
-    Args:
-        first: seed of the first of the episodes; each has the next.
-        episodes: how many.
-        config: of the training, as its folder keeps it.
-        folder: of the training.
+    These are `first` and the next, one for each episode.
     """
     own = config.get("eval", {})
     begin, number = own.get("seed", 0), own.get("episodes", 0) if own.get("every") else 0

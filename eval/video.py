@@ -34,12 +34,9 @@ class Clip:
 
 
 def encoded(frames: list[np.ndarray], fps: float, quality: int = 27) -> bytes:
-    """Encode as H.264, which every browser plays.
+    """Encode pictures (height, width, 3) uint8, of even sizes, as H.264, which every browser plays.
 
-    Args:
-        frames: (height, width, 3) uint8 each, of even sizes.
-        fps: per second.
-        quality: x264's constant rate factor: lower is better and larger.
+    The quality is x264's constant rate factor: lower is better and larger.
     """
     height, width, _ = frames[0].shape
     with tempfile.TemporaryDirectory() as folder:
@@ -70,14 +67,9 @@ def record(
 ) -> Clip:
     """Play one episode and draw it. After a fall the last picture stays, so clips run in step.
 
-    Args:
-        env: scalar environment with render_mode="rgb_array"; its metadata's `render_fps` is the
-            policy rate, as Gymnasium's own video wrapper takes it to be.
-        actor: the policy, batched.
-        seed: of the episode.
-        seconds: length of the clip; it is shorter if the episode reaches its time limit earlier.
-        title: written in the upper corner.
-        fps: at most this many pictures per second.
+    The metadata's `render_fps` of the scalar environment is the policy rate, as Gymnasium's own
+    video wrapper takes it to be; the clip has at most `fps` pictures per second, and is shorter
+    where the episode reaches its time limit. The title is written in the upper corner.
 
     Raises:
         InvalidValueError: the environment draws no pictures.

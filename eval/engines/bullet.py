@@ -44,12 +44,7 @@ class BulletWorld:
     """
 
     def __init__(self, robot: Robot, hz: int, *, armature: bool = True) -> None:
-        """Build the world.
-
-        Args:
-            robot: the robot.
-            hz: physics steps per second.
-            armature: False leaves it out.
+        """Build the world, with `hz` physics steps per second.
 
         Raises:
             FbidError: pybullet is not installed, or a robot with a joint or a contact shape that

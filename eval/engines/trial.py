@@ -31,12 +31,7 @@ def in_bullet(
 ) -> Outcomes:
     """Play the same episodes in Bullet: start, commands and pushes are the environment's.
 
-    Args:
-        player: who acts, and where.
-        episodes: how many.
-        seed: of the first.
-        hz: physics steps per second in Bullet; a multiple of the control rate.
-        armature: see `BulletWorld`.
+    Bullet takes `hz` physics steps per second, a multiple of the control rate.
 
     Raises:
         InvalidValueError: another rate, or terrain, or velocities that jump.

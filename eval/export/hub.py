@@ -112,13 +112,7 @@ this. SHA-256 of the robot: `{robot.digest}`.
 
 
 def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -> list[Path]:
-    """Write the folder, file by file; return the files.
-
-    Args:
-        folder: where.
-        policy: the policy.
-        controller: of this policy.
-        name: of the policy.
+    """Write the folder of a policy, file by file; return the files.
 
     Raises:
         FbidError: an environment of the user's, which others do not have; or see `to_onnx`.

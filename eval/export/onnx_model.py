@@ -22,10 +22,6 @@ def to_onnx(policy: Policy, metadata: Mapping[str, str]) -> bytes:
     It takes "obs" (N, O) float32 and gives "actions" (N, A) float32. What is normalised is computed
     in float64 as in `Policy`, whose variances may be tiny.
 
-    Args:
-        policy: the policy.
-        metadata: of the model, see `metadata_of`.
-
     Raises:
         FbidError: the package onnx is not installed.
     """
@@ -90,11 +86,6 @@ def metadata_of(policy: Policy, controller: Controller, name: str) -> dict[str, 
     The first eight are those that mjlab writes (`mjlab.rl.exporter_utils`), lists with commas
     between their items: layers without gains of joints have zeros there, and an action's scale is
     that in its name. The others are ours, in JSON where they are no plain words.
-
-    Args:
-        policy: the policy.
-        controller: of this policy.
-        name: of the policy.
     """
     loop, robot, config = controller.loop, controller.robot, controller.config
     joints, layer = robot.num_joints, loop.layer

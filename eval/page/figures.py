@@ -113,17 +113,10 @@ def panel(
     y_range: tuple[float, float] | None = None,
     marks: Marks = Marks(),
 ) -> Markup:
-    """Lines with bands, named beside their ends.
+    """Lines with bands, named beside their ends; curves without any finite value are left out.
 
-    Args:
-        series: one per curve; those without any finite value are left out.
-        title: what the vertical axis shows; stands above it.
-        x_title: what the horizontal axis shows.
-        x_format: of tick labels.
-        y_format: of tick labels.
-        x_range: of the horizontal axis. None: what the data need, and zero.
-        y_range: of the vertical axis. None: what the data need.
-        marks: what else there is.
+    The title says what the vertical axis shows. Without ranges, axes show what the data need, the
+    horizontal one zero as well.
     """
     series = [item for item in series if np.isfinite(item.value).any()]
     names = [item.name for item in series]
@@ -202,13 +195,9 @@ def _name_ends(axes: Axes, series: Sequence[Series], threshold: float | None) ->
 def apart(
     wanted: Sequence[float] | np.ndarray, heights: Sequence[float], low: float, high: float
 ) -> np.ndarray:
-    """Move the centres of labels apart until none overlaps, as little as possible.
+    """Move the centres (N,) of labels apart until none overlaps, as little as possible.
 
-    Args:
-        wanted: (N,) centres.
-        heights: (N,) of the labels.
-        low: edge that no label crosses.
-        high: the other; where there are too many labels, they cross this one.
+    No label crosses the edge `low`; where there are too many, they cross `high`.
     """
     order = np.argsort(wanted, kind="stable")
     half = np.asarray(heights, float)[order] / 2.0
@@ -294,14 +283,10 @@ def bars(
     form: Form = number,
     top: float | None = None,
 ) -> Markup:
-    """Horizontal bars, grouped, with their values at their ends.
+    """Horizontal bars in groups, with their values at their ends; NaN for none.
 
-    Args:
-        groups: names, from top to bottom.
-        named: (name, colour, value for each group), one bar in every group each; NaN for none.
-        title: what is shown, with its unit.
-        form: of the values.
-        top: end of the axis. None: what the longest bar needs.
+    Each of `named` (name, colour, values) has a bar in every group. The axis ends at `top`, by
+    default where the longest bar needs it.
     """
     head = 28.0 + 14.0 * len(named)
     step = 13.0 * len(named) + 12.0
@@ -333,15 +318,10 @@ def polar(
     labels: Mapping[float, str],
     mark: tuple[float, float, str],
 ) -> Markup:
-    """Closed curves about a centre; 0 degrees points up, angles go anticlockwise.
+    """Closed curves (name, colour, values) about a centre, over directions all the way round.
 
-    Args:
-        degrees: (K,) directions, all the way round.
-        named: (name, colour, (K,) values) of each.
-        title: what is shown.
-        unit: of the values.
-        labels: degrees -> name of a direction, written outside.
-        mark: (degrees, value, name) of one point to compare with.
+    0 degrees points up, angles go anticlockwise. Some directions have names, written outside; the
+    mark (degrees, value, name) is a point to compare with.
     """
     names, edges = [name for name, _, _ in named], (80.0, 80.0, 48.0, 62.0)
     with axes_of(WIDTH, 350.0, title, names, edges, "polar") as (axes, drawn):

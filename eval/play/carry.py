@@ -61,11 +61,7 @@ def pushed(
 ) -> State:
     """Return the state of a robot that is pushed from now on, instead of any push before.
 
-    Args:
-        batch: whose state.
-        state: of one robot.
-        force: (3,) N, world.
-        steps: policy steps that the push lasts, each a push of the environment's own; none for 0.
+    The force (3,) N, world, lasts so many policy steps, each a push of the environment's own.
     """
     start = np.full_like(state["plan.push_start"], _NEVER)
     start[0, :steps] = state["tick"][0] + np.arange(steps) * batch.rates.ticks

@@ -24,9 +24,6 @@ def only_values(gui: Any) -> None:
 
     viser itself sets whatever attribute of a control a viewer names, and lets a file be sent to
     any: either takes the control away from everybody.
-
-    Args:
-        gui: of a viser server.
     """
     from viser import _messages as messages
 

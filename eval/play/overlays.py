@@ -11,14 +11,7 @@ class Overlays:
     """The overlays of one robot."""
 
     def __init__(self, server: viser.ViserServer, root: str, size: float, weight: float) -> None:
-        """Send nothing yet.
-
-        Args:
-            server: of the page.
-            root: name of the robot's node.
-            size: m, of the robot.
-            weight: N.
-        """
+        """Send nothing yet. The robot's node is `root`; its size is in m, its weight in N."""
         self._scene, self._root = server.scene, f"{root}/overlays"
         self._size, self._weight = size, weight
         # Goes along with the robot: a browser that is late is late for both.

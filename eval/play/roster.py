@@ -71,11 +71,9 @@ def of_package(env_id: str, robot: Robot) -> Iterator[Entry]:
 
 
 def robots_beside(robot: Robot, named: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the names of robots that can be chosen: the one that is there, then others.
+    """Return the names of robots that can be chosen: the one with which a session begins, others.
 
-    Args:
-        robot: with which a session begins.
-        named: by the command line; without any, built-in and drawn ones with as many feet.
+    These are named by the command line, or else built-in and drawn ones with as many feet.
 
     Raises:
         FbidError: a name that is none, or of a robot with more or fewer feet.

@@ -24,12 +24,9 @@ with client.connect(sys.argv[1], subprotocols=[sys.argv[2]], max_size=None) as p
 
 
 def open_server(session: Session, host: str, port: int) -> Any:
-    """Return a server of pages; the caller stops it.
+    """Return a server of pages, whose addresses can carry settings; the caller stops it.
 
-    Args:
-        session: whose settings an address can carry.
-        host: address to listen on.
-        port: of 0 to 65535; 0 for any that is free.
+    Port 0 stands for any that is free.
 
     Raises:
         FbidError: viser is not installed, the address is not this machine's, the port is taken.

@@ -11,16 +11,10 @@ it takes three fifths of a narrow window."""
 
 
 def view(size: float, height: float, aspect: float, fov: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return from where robots are seen whole, and where to look.
+    """Return from where robots are seen whole, and where to look, (3,) m each from their middle.
 
-    Args:
-        size: m, of a robot.
-        height: m, of its base.
-        aspect: of the picture, width to height. A high one is of a phone: the panel lies over it.
-        fov: rad, vertical.
-
-    Returns:
-        (3,) m each, the robots being in the middle.
+    They are of a size, their bases at a height, both m; the picture has an aspect, width to height,
+    and a vertical field of view, rad. A high one is of a phone: the panel lies over it.
     """
     aim = np.array([0.0, 0.0, _AIM * height])
     position = _AWAY * size

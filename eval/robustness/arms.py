@@ -40,15 +40,8 @@ def load_arms(
 ) -> tuple[list[Arm], list[str]]:
     """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 
-    Args:
-        paths: run folders and policies; a `.toml` is a study.
-        env_id: of studies, runs in this environment alone; None for all.
-        named: of studies, arms of these names alone; none for all.
-        robot: to be played on instead of the one that they were trained on.
-        env_args: replace those that they were trained with.
-
-    Returns:
-        The arms; and warnings, one sentence each.
+    Of studies, which are `.toml`, runs in this environment and arms of these names alone, if any
+    are given. Robot and arguments replace those of the training. Warnings come with the arms.
 
     Raises:
         RunError: one of them cannot be read or is not finished, or nothing of a study is; or runs
@@ -118,14 +111,7 @@ def _check_arms(found: Sequence[Arm]) -> None:
 def zero_action(
     env_id: str, layer: str, env_args: Mapping[str, Any], robot: Robot | None = None
 ) -> Arm:
-    """Return the zero action of a layer as an arm.
-
-    Args:
-        env_id: Gymnasium id.
-        layer: action layer.
-        env_args: further arguments of the environment; `robot` among them only by its name.
-        robot: to be played on instead of the one that they name.
-    """
+    """Return the zero action of a layer as an arm; a robot replaces the one of the arguments."""
     player = Player.unlearnt(ZERO, env_id, {**env_args, "action_layer": layer}, robot)
     words = layer_name(player.env_args)
     name = f"{words}, zero action"

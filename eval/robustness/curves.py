@@ -141,13 +141,8 @@ def measure(
 ) -> Robustness:
     """Play every arm along every factor.
 
-    What is the same at two values, such as the nominal ones of all factors, is played once.
-
-    Args:
-        arms: all of one environment.
-        factors: those that the environment does not have are left out.
-        budget: how much is played.
-        tell: told how far it is.
+    What is the same at two values, such as the nominal ones of all factors, is played once; factors
+    that the environment of the arms does not have are left out.
 
     Raises:
         FbidError: arguments of an environment that are not valid, or a policy that does not fit;
@@ -228,16 +223,10 @@ def measure(
 def estimated(
     table: np.ndarray, values: Sequence[float], staged: bool, rng: np.random.Generator
 ) -> Curve:
-    """Return a curve with its intervals.
+    """Return a curve with its intervals, from (V, R, E) of values, runs and episodes.
 
     The unit of chance is the run, whose episodes are averaged first; of one run, or one zero
     action, it is the episode: then the interval says how well that one is known.
-
-    Args:
-        table: (V, R, E) of values, runs and episodes.
-        values: (V,) positions, increasing.
-        staged: whether these are stages rather than quantities.
-        rng: of the bootstrap.
     """
     several = table.shape[1] > 1
     units = (table.mean(axis=2) if several else table[:, 0]).T

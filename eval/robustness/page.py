@@ -16,12 +16,7 @@ from eval.wording import percent
 
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
-    """Lay out the page.
-
-    Args:
-        found: what to show.
-        command: the command line that made it, to be shown.
-    """
+    """Lay out the page; it shows the command line that made it."""
     zeros, trained = _zero_actions(found)
     return render(
         "robustness.html",
@@ -50,10 +45,7 @@ def panels(
 ) -> list[Markup]:
     """Return the figure of a factor: a panel for each measure, all arms in it.
 
-    Args:
-        found: what was found.
-        along: one factor of it.
-        colours: of the arms; None: those of their layers.
+    Colours are those of the arms' layers unless they are given.
     """
     factor = BY_NAME[along.name]
     if colours is None:

@@ -50,12 +50,7 @@ from train.runs.training import standing
 
 
 def findings(study: Study, settings: Settings, reference: str | None = None) -> Findings:
-    """Read the run folders of a study and put them together.
-
-    Args:
-        study: what was to be trained.
-        settings: how.
-        reference: arm that the others are set against; None: the study's.
+    """Read the run folders of a study and put them together, arms set against the reference.
 
     Raises:
         RunError: a run folder of another training, or a file in one that cannot be read.

@@ -88,11 +88,6 @@ def level_file(study: Study) -> Path:
 def measure(study: Study, episodes: int, tell: Tell) -> None:
     """Play the policies of a study that are at their end, unless they have been, and keep it.
 
-    Args:
-        study: what was trained.
-        episodes: of every policy, one of each robot.
-        tell: told how far it is.
-
     Raises:
         RunError: a policy that cannot be read, one that was evaluated from the same seeds, or what
             is kept is of another number of episodes; nothing is lost then.

@@ -43,13 +43,9 @@ def page(
     robustness: Mapping[str, Robustness] | None = None,
     command: str = "",
 ) -> str:
-    """Lay out the page.
+    """Lay out the page, with clips and robustness of the environments where there are any.
 
-    Args:
-        found: what the runs say.
-        clips: of the arms that have one.
-        robustness: by environment, where it was measured.
-        command: the command line that made it, to be shown.
+    It shows the command line that made it.
     """
     colours = colours_of(arm.name for arm in found.arms)
     clips, robustness = clips or {}, robustness or {}

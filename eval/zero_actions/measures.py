@@ -33,12 +33,8 @@ def walk(
 ) -> Row:
     """Return how many robots stay up, with Wilson's 95 % interval of the share, and other numbers.
 
-    Args:
-        arguments: of the environment.
-        count: of robots.
-        seed: robot i starts from seed + i.
-        policy: that acts. Default: the zero action.
-        gain: 1/s, of the proportional law that acts instead; 0 for none.
+    Robot i starts from seed + i. By default the zero action acts; with a gain, 1/s, a proportional
+    law does.
 
     Raises:
         FbidError: the environment is none, or has nothing for the law to act on.
@@ -71,11 +67,8 @@ def play(
 ) -> dict[str, np.ndarray]:
     """Play until all robots fell, and return what happened, see `summarised`.
 
-    Args:
-        batch: of environments.
-        seed: robot i starts from seed + i.
-        act: from observations to actions; None for the zero action.
-        told: entries of the environments' info to return, too.
+    Robot i starts from seed + i; without an actor the zero action acts. `told` names entries of the
+    environments' info to return, too.
     """
     begin(batch, seed)
     count = batch.num_envs
@@ -114,9 +107,7 @@ def play(
 def scores_of(told: Mapping[str, np.ndarray], steps: int) -> np.ndarray:
     """Return (N,), the share of the greatest return that robots earn: nothing after a fall.
 
-    Args:
-        told: "up" (T, N) bool, until a robot falls; "reward" (T, N), at most 1.
-        steps: of an episode that nothing ends.
+    `told` is that of `summarised`, `steps` those of an episode that nothing ends.
     """
     scores: np.ndarray = np.where(told["up"], told["reward"], 0.0).sum(axis=0) / steps
     return scores

@@ -60,11 +60,7 @@ def shipped_for(env_id: str) -> list[Shipped]:
 
 
 def pages(clips: Collection[str]) -> dict[str, str]:
-    """Return the pages, file name -> Markdown.
-
-    Args:
-        clips: names of the files of clips that there are.
-    """
+    """Return the pages, file name -> Markdown, with those clips that there are."""
     found = {"index.md": _index()}
     for env_id in ENVIRONMENTS:
         found[f"{short(env_id)}.md"] = _page(env_id, Scene.of(env_id).file in clips)
