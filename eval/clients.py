@@ -25,8 +25,7 @@ _NEEDS = {"rsl_rl": ("rsl-rl-lib", "rsl_rl"), "RLlib": ("ray", "ray.rllib"),
           "CleanRL": ("torch", "torch")}  # fmt: skip
 """Section of the page -> distribution and module, where these have other names."""
 
-_LONGEST = 600.0
-"""s that an example may take."""
+_LONGEST = 600.0  # s that an example may take
 
 
 class Client(NamedTuple):

@@ -29,10 +29,8 @@ class Clips:
     """One clip per layer, all under the same pushes."""
 
     shown: list[Shown]
-    push: float
-    """Size of the pushes, N; 0 where nobody was pushed with a force in the episodes."""
-    same_pushes: bool
-    """Whether all layers did meet the same, as far as their episodes lasted."""
+    push: float  # size of the pushes, N; 0 where nobody was pushed with a force in the episodes
+    same_pushes: bool  # whether all layers did meet the same, as far as their episodes lasted
 
 
 def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: None) -> Comparison:

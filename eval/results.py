@@ -80,10 +80,8 @@ class Band:
 class Crossing:
     """When the runs of a layer first reached the threshold."""
 
-    each: list[float]
-    """Per run; infinity: not within its budget."""
-    median: Estimate
-    """Over all runs, with the ones that did not get there later than all that did."""
+    each: list[float]  # per run; infinity: not within its budget
+    median: Estimate  # over all runs, with the ones that did not get there later than all that did
 
     @property
     def reached(self) -> int:
@@ -100,16 +98,12 @@ class RunResult:
     seed: int | None
     trained_steps: int
     wall_seconds: float | None
-    metrics: dict[str, float]
-    """Mean over episodes, by the names of `METRICS`."""
-    steps: list[float]
-    """Abscissae of the learning curve, empty for an exported policy."""
+    metrics: dict[str, float]  # mean over episodes, by the names of `METRICS`
+    steps: list[float]  # abscissae of the learning curve, empty for an exported policy
     wall: list[float]
     returns: list[float]
-    sweep: list[float]
-    """Share of episodes survived at each size of push."""
-    command: str = ""
-    """The command line that trains it again; empty for an exported policy."""
+    sweep: list[float]  # share of episodes survived at each size of push
+    command: str = ""  # the command line that trains it again; empty for an exported policy
 
 
 @dataclass(frozen=True)
@@ -125,10 +119,8 @@ class Layer:
     by_wall: Band | None
     steps_to: Crossing | None
     wall_to: Crossing | None
-    sweep: list[Estimate]
-    """Share of episodes survived at each size of push in `Comparison.sweep`."""
-    zero_sweep: list[float]
-    """The same for the zero action."""
+    sweep: list[Estimate]  # share of episodes survived at each size of push in `Comparison.sweep`
+    zero_sweep: list[float]  # the same for the zero action
 
     @property
     def seeds(self) -> int:
@@ -144,15 +136,11 @@ class Layer:
 class Pair:
     """Two layers, final return."""
 
-    better: str
-    """The one with the higher estimate."""
+    better: str  # the one with the higher estimate
     other: str
-    probability: Estimate
-    """That a run of the better one beats a run of the other."""
-    difference: Estimate
-    """Of the interquartile means."""
-    p_value: float
-    """Of the two-sided Mann-Whitney permutation test."""
+    probability: Estimate  # that a run of the better one beats a run of the other
+    difference: Estimate  # of the interquartile means
+    p_value: float  # of the two-sided Mann-Whitney permutation test
 
 
 @dataclass(frozen=True)
@@ -162,18 +150,13 @@ class Comparison:
     env_id: str
     env_args: dict[str, Any]
     settings: Settings
-    layers: list[Layer]
-    """Best final return first."""
+    layers: list[Layer]  # best final return first
     pairs: list[Pair]
-    threshold: float | None
-    """Return whose first crossing is timed; None without learning curves."""
-    hardest_push: float
-    """Largest push met in the episodes, N, rounded up to two digits."""
-    sweep: list[float]
-    """Sizes of push at which survival was measured, N."""
+    threshold: float | None  # return whose first crossing is timed; None without learning curves
+    hardest_push: float  # largest push met in the episodes, N, rounded up to two digits
+    sweep: list[float]  # sizes of push at which survival was measured, N
     warnings: list[str]
-    shared: dict[str, Any]
-    """Training settings all runs have in common."""
+    shared: dict[str, Any]  # training settings all runs have in common
     versions: dict[str, Any]
 
     @property

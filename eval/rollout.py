@@ -47,16 +47,11 @@ from train.runs.tables import to_csv
 class Player:
     """Who acts, and where."""
 
-    name: str
-    """For tables and captions."""
-    env_id: str
-    """Gymnasium id."""
-    env_args: dict[str, Any]
-    """Keyword arguments of the environment, the action layer among them."""
-    policy: Policy | None
-    """None: the zero action, which asks the layer to hold the home posture."""
-    robot: Robot | None = None
-    """None: the one that the arguments name."""
+    name: str  # for tables and captions
+    env_id: str  # Gymnasium id
+    env_args: dict[str, Any]  # keyword arguments of the environment, the action layer among them
+    policy: Policy | None  # None: the zero action, which asks the layer to hold the home posture
+    robot: Robot | None = None  # None: the one that the arguments name
 
     @classmethod
     def of(cls, run: Run, *, trained: bool = True, **env_args: Any) -> "Player":

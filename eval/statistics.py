@@ -17,8 +17,7 @@ from eval.results import Band, Crossing, Estimate
 Statistic = Callable[..., np.ndarray]
 """Maps one array or several, and the axis of the runs, to values with that axis removed."""
 
-SPLITS = 20_000
-"""Up to so many ways to split the runs in two, the permutation test is exact."""
+SPLITS = 20_000  # up to so many ways to split the runs in two, the permutation test is exact
 
 _AT_ONCE = 1000  # of them, so that hundreds of robots fit in memory
 
@@ -27,8 +26,7 @@ class Chance(NamedTuple):
     """How intervals are drawn."""
 
     rng: np.random.Generator
-    samples: int
-    """Of the bootstrap."""
+    samples: int  # of the bootstrap
     confidence: float
 
     def interval(self, data: Sequence[np.ndarray], statistic: Statistic) -> np.ndarray:

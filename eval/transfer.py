@@ -33,8 +33,7 @@ from train.runs.tables import to_csv
 
 ROBOT = ("robot", "mass", "joints", "feet")
 COLUMNS = (*ROBOT, "policy", "episodes", "return", "up", "velocity_error")
-ZERO = "zero, "
-"""What the name of a zero action begins with, before its layer."""
+ZERO = "zero, "  # what the name of a zero action begins with, before its layer
 
 Who = Literal["all", "policies", "laws"]
 

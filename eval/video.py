@@ -20,8 +20,7 @@ WIDTH, HEIGHT = 640, 480
 class Clip:
     """A recorded episode."""
 
-    frames: list[np.ndarray]
-    """(HEIGHT, WIDTH, 3) uint8 each."""
+    frames: list[np.ndarray]  # (HEIGHT, WIDTH, 3) uint8 each
     fps: float
     pushes: np.ndarray
     """(T, 3) N, force on the robot at each policy step; zeros where the task reports none."""

@@ -22,8 +22,7 @@ from train.runs.files import check_output, write
 from train.runs.reading import load
 from train.runs.tables import to_csv
 
-TASKS = ("QuadrupedWalk-v0", "BipedWalk-v0")
-"""Whose shipped policies are played by default."""
+TASKS = ("QuadrupedWalk-v0", "BipedWalk-v0")  # whose shipped policies are played by default
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class BulletWorld:
         self._joints = [turning.index(joint) for joint in _moving(model)]
         self._zero = model.qpos0[7:]
         for index, joint in zip(self._joints, _moving(model), strict=True):
-            # A motor that holds still with no more than the joint's dry friction; none where none.
+            # a motor that holds still with no more than the joint's dry friction; none where none.
             dry = float(model.dof_frictionloss[model.jnt_dofadr[joint]])
             engine.setJointMotorControl2(
                 self._id, index, engine.VELOCITY_CONTROL, targetVelocity=0.0, force=dry

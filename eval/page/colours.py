@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-NUM_COLOURS = 10
-"""Of the page's style, `c0`, `c1` and so on."""
+NUM_COLOURS = 10  # of the page's style, `c0`, `c1` and so on
 
 COLOURS = (
     "base acceleration",

@@ -36,18 +36,14 @@ class Series:
     name: str
     colour: int
     x: Values
-    value: Values
-    """NaN where there is nothing."""
+    value: Values  # NaN where there is nothing
     low: Values | None = None
     high: Values | None = None
     singles: Sequence[tuple[Values, Values]] = field(default=())
     """Curves of single runs, drawn thin."""
-    level: float | None = None
-    """A level to compare with, drawn dashed: what the zero action earns."""
-    dashed: Values | None = None
-    """A curve to compare with on the same abscissae, drawn dashed."""
-    dots: bool = False
-    """Mark the points of the curve."""
+    level: float | None = None  # a level to compare with, drawn dashed: what the zero action earns
+    dashed: Values | None = None  # a curve to compare with on the same abscissae, drawn dashed
+    dots: bool = False  # mark the points of the curve
 
     @classmethod
     def learnt(
@@ -93,14 +89,10 @@ class Series:
 class Marks:
     """What else a panel shows; None: nothing."""
 
-    threshold: float | None = None
-    """Level drawn across the panel, and named in the margin."""
-    shaded_to: float | None = None
-    """Shade the abscissae up to here."""
-    upright: float | None = None
-    """Abscissa of an upright line."""
-    logarithmic: bool = False
-    """Whether the vertical axis is."""
+    threshold: float | None = None  # level drawn across the panel, and named in the margin
+    shaded_to: float | None = None  # shade the abscissae up to here
+    upright: float | None = None  # abscissa of an upright line
+    logarithmic: bool = False  # whether the vertical axis is
 
 
 def panel(

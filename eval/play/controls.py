@@ -19,15 +19,12 @@ from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.tracking import Tracking
 from fbid_gym.tasks.walk import MOST_LOWERED
 
-Settings = dict[str, Any]
-"""Name of a control -> its value."""
+Settings = dict[str, Any]  # name of a control -> its value
 
 ALONE = "nobody"
-LONGEST_DELAY = 0.1
-"""s, of an action on its way."""
+LONGEST_DELAY = 0.1  # s, of an action on its way
 MOST_NOISE = 5.0
-MOST_PUSH = 2.0
-"""Weights of the robot."""
+MOST_PUSH = 2.0  # weights of the robot
 COMMAND, PUSH, WHO, TIME, WORLD, OVERLAYS = GROUPS = (
     "Command",
     "Push (or drag the robot)",

@@ -4,8 +4,7 @@ from typing import Any
 
 from websockets.http11 import Request
 
-MOST_BYTES = 2**16
-"""Largest message from a viewer; a control's value needs far less."""
+MOST_BYTES = 2**16  # largest message from a viewer; a control's value needs far less
 
 
 def foreign(request: Request) -> bool:

@@ -17,8 +17,7 @@ from fbid_gym.motions.gait.heading import axes_of_trunk
 from fbid_gym.options import Choice, Number, Whole
 from fbid_gym.robots import Robot
 
-_STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}
-"""Of a slider whose range is at least that wide."""
+_STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}  # of a slider whose range is at least that wide
 _WAYS = {"ahead": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
 """Shares ahead and to the left."""
 

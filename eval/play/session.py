@@ -18,8 +18,7 @@ from eval.play.stage import MOST_PUSH_SECONDS, Stage
 from fbid_gym.checks import number
 from fbid_gym.errors import FbidError, InvalidValueError
 
-GET_UP_AFTER = 1.5
-"""s after a fall until an episode starts anew."""
+GET_UP_AFTER = 1.5  # s after a fall until an episode starts anew
 _MOST_QUEUED = 1000
 
 

@@ -19,8 +19,7 @@ from train.runs.differences import differences, in_words
 
 NO_POLICY = "zero action"
 MOST_PUSH_SECONDS = 2.0
-LONGEST_LOOP = 0.02
-"""s, from a state to the torque that answers it."""
+LONGEST_LOOP = 0.02  # s, from a state to the torque that answers it
 OWN_SENSORS = "as begun"
 _DAY = 86_400.0
 

@@ -23,10 +23,8 @@ class Arm:
     """Runs that differ in their seed alone, or the zero action of a layer."""
 
     name: str
-    layer: str
-    """Its action layer with its options, in words."""
-    players: tuple[Player, ...]
-    """One for each run."""
+    layer: str  # its action layer with its options, in words
+    players: tuple[Player, ...]  # one for each run
     runs: tuple[str, ...] = ()
     """Names of the runs, or of what a study has instead of one; none for a zero action."""
 

@@ -42,8 +42,7 @@ class Budget:
 class Curve:
     """A measure of an arm along a factor."""
 
-    points: list[Estimate]
-    """At each value."""
+    points: list[Estimate]  # at each value
     summary: Estimate
     """Area under the curve over the length of its axis, which is the mean along the factor; of
     stages, the change from the first to the last."""
@@ -55,8 +54,7 @@ class Along:
 
     name: str
     values: list[float]
-    curves: dict[str, dict[str, Curve]]
-    """By measure and arm."""
+    curves: dict[str, dict[str, Curve]]  # by measure and arm
     nominal: float | None = None
     """Value at which nothing differs from training; None: there is none, or it is not known."""
 
@@ -75,23 +73,18 @@ class Robustness:
     """What was found."""
 
     env_id: str
-    env_args: dict[str, Any]
-    """Of the first arm."""
+    env_args: dict[str, Any]  # of the first arm
     budget: Budget
     measures: tuple[str, str]
     """Columns of `Episodes`: "survived", and the velocity error where a velocity is commanded, else
     the return."""
-    arms: dict[str, str]
-    """Name of an arm -> its action layer, in words."""
-    runs: dict[str, tuple[str, ...]]
-    """Name of an arm -> its runs; none for a zero action."""
+    arms: dict[str, str]  # name of an arm -> its action layer, in words
+    runs: dict[str, tuple[str, ...]]  # name of an arm -> its runs; none for a zero action
     along: list[Along]
-    left_out: dict[str, str]
-    """Name of a factor -> why it is not there."""
+    left_out: dict[str, str]  # name of a factor -> why it is not there
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, Any] = field(default_factory=dict)
-    robot: str = ""
-    """Its name; empty in files that were written before it was told."""
+    robot: str = ""  # its name; empty in files that were written before it was told
     policies: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Name of an arm -> digests of its policies, in the order of its runs; empty in files that were
     written before there were any."""

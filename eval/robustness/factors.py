@@ -28,29 +28,22 @@ Changes = dict[str, Any]
 class Factor:
     """Something that varies while all else stays as in training."""
 
-    name: str
-    """On the command line."""
-    title: str
-    """What varies."""
-    axis: str
-    """How much of it: what stands below its axis."""
-    values: tuple[float, ...]
-    """From the least to the greatest."""
+    name: str  # on the command line
+    title: str  # what varies
+    axis: str  # how much of it: what stands below its axis
+    values: tuple[float, ...]  # from the least to the greatest
     changes: Callable[[float, EnvConfig], Changes]
     """(value, environment of training) -> its arguments that differ; a range of the randomisation
     replaces that range alone."""
-    about: str
-    """One or two sentences for people."""
+    about: str  # one or two sentences for people
     nominal: float | None = None
     """Value at which nothing differs, where training has no other; None: there is none."""
-    form: Callable[[float], str] = number
-    """How a value is written."""
+    form: Callable[[float], str] = number  # how a value is written
     most: Callable[[EnvConfig], float] = lambda config: np.inf
     """Greatest value that there is in an environment."""
     missing: Callable[[EnvConfig], str] = lambda config: ""
     """Why an environment does not have the factor; empty where it has it."""
-    for_policies: bool = False
-    """Whether a zero action cannot feel it."""
+    for_policies: bool = False  # whether a zero action cannot feel it
     stages: tuple[str, ...] = ()
     """Names of the values, where these are no quantity: there is no area, but a change from the
     first to the last."""

@@ -6,8 +6,7 @@ from eval.robustness.curves import Along, Robustness
 from eval.robustness.tables import areas, more_is_better, written
 from eval.wording import capital, count
 
-LEVEL = ""
-"""In place of an arm: none is clearly ahead."""
+LEVEL = ""  # in place of an arm: none is clearly ahead
 
 
 def leader(along: Along, measure: str) -> str:

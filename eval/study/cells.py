@@ -34,7 +34,7 @@ def curve(arm: Arm, column: str) -> Curve:
     cells = arm.finished() or arm.cells
     files = [RunFolder.of(cell.config.folder).evaluations for cell in cells]
     tables = [table for file in files if (table := read_columns(file))]
-    # A training that goes on beyond what it was to take was evaluated once more there.
+    # a training that goes on beyond what it was to take was evaluated once more there.
     common = [set(table["steps"].tolist()) for table in tables]
     steps = np.array(sorted(set.intersection(*common)) if common else [])
     values = [

@@ -33,8 +33,7 @@ from eval.study.results import (
 from eval.wording import Form, capital, form_of, interval, number, percent, span, steps
 from train.runs.study import environment_name
 
-Clips = Mapping[tuple[str, str], Shown]
-"""Environment and arm -> its clip."""
+Clips = Mapping[tuple[str, str], Shown]  # environment and arm -> its clip
 
 
 def page(

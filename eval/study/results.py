@@ -50,14 +50,11 @@ MEASURES = (
     *(Measure("slip", "foot slip", "m/s", -1), FALLS),
     Measure("cost_of_transport", "cost of transport", "", -1),
 )
-CURVES = (RETURN, ERROR)
-"""What is drawn over steps and time."""
-JUDGED = (RETURN, ERROR, FALLS)
-"""In what an arm is set against the reference."""
+CURVES = (RETURN, ERROR)  # what is drawn over steps and time
+JUDGED = (RETURN, ERROR, FALLS)  # in what an arm is set against the reference
 
 
-Values = Mapping[str, list[float]]
-"""By measure, of each run."""
+Values = Mapping[str, list[float]]  # by measure, of each run
 
 
 @dataclass(frozen=True)
@@ -66,19 +63,13 @@ class CellFound:
 
     name: str
     seed: int
-    state: str
-    """See `train.runs.training.Standing`."""
+    state: str  # see `train.runs.training.Standing`
     note: str
-    steps: list[float]
-    """Of its evaluations."""
-    wall: list[float]
-    """Likewise, s."""
-    fallen: list[float]
-    """Likewise: falls in training by then; NaN where they were not counted."""
-    curves: dict[str, list[float]]
-    """By measure."""
-    command: str
-    """That trains it."""
+    steps: list[float]  # of its evaluations
+    wall: list[float]  # likewise, s
+    fallen: list[float]  # likewise: falls in training by then; NaN where they were not counted
+    curves: dict[str, list[float]]  # by measure
+    command: str  # that trains it
 
     @property
     def begun(self) -> bool:
@@ -94,8 +85,7 @@ class CellFound:
 class Versus:
     """An arm against the reference, in one measure."""
 
-    probability: Estimate
-    """That a run of the arm does better than one of the reference."""
+    probability: Estimate  # that a run of the arm does better than one of the reference
     p_value: float
     """Of the two-sided Mann-Whitney permutation test; where one of the two learns nothing, of
     `statistics.paired`."""
@@ -105,13 +95,10 @@ class Versus:
 class Fresh:
     """What the policies of an arm do in episodes that are new to them, see `eval.study.fresh`."""
 
-    runs: list[str]
-    """Names of the cells that played, as many episodes each."""
+    runs: list[str]  # names of the cells that played, as many episodes each
     falls: Falls
-    each: dict[str, list[float]]
-    """By measure, of each run."""
-    final: dict[str, Estimate]
-    """By measure."""
+    each: dict[str, list[float]]  # by measure, of each run
+    final: dict[str, Estimate]  # by measure
     versus: dict[str, Versus] = field(default_factory=dict)
     """By measure; empty for the reference and where either has none."""
 
@@ -120,8 +107,7 @@ class Fresh:
 class Level:
     """The best policy without learning of an environment: that with the highest return."""
 
-    name: str
-    """Of its arm."""
+    name: str  # of its arm
     share: float
     """Its return over the most that can be earned, where that is known, in the episodes that
     trainings are evaluated in."""
@@ -137,34 +123,24 @@ class ArmFound:
 
     env_id: str
     name: str
-    layer: str
-    """Action layer with its options, in words."""
-    most: float
-    """Return that no episode exceeds; NaN where that is not known."""
+    layer: str  # action layer with its options, in words
+    most: float  # return that no episode exceeds; NaN where that is not known
     cells: list[CellFound]
     counted: list[str]
     """Names of the cells that the numbers are of: those done, or those begun where none is."""
-    steps: float
-    """After which the numbers are; 0 without any."""
-    before: dict[str, float]
-    """By measure: of the zero action, the mean of the first evaluations."""
-    each: dict[str, list[float]]
-    """By measure, of each counted cell."""
-    final: dict[str, Estimate]
-    """By measure."""
+    steps: float  # after which the numbers are; 0 without any
+    before: dict[str, float]  # by measure: of the zero action, the mean of the first evaluations
+    each: dict[str, list[float]]  # by measure, of each counted cell
+    final: dict[str, Estimate]  # by measure
     by_steps: dict[str, Band]
     by_wall: dict[str, Band]
-    steps_to: list[Crossing]
-    """For each threshold; empty where no velocity is commanded."""
+    steps_to: list[Crossing]  # for each threshold; empty where no velocity is commanded
     wall_to: list[Crossing]
-    falls_to: list[Crossing]
-    """Falls in training before it; empty where they were not counted."""
+    falls_to: list[Crossing]  # falls in training before it; empty where they were not counted
     versus: dict[str, Versus] = field(default_factory=dict)
     """By measure; empty for the reference and where either has no cell that is done."""
-    fresh: Fresh | None = None
-    """None where no cell that is done has played any."""
-    policy: str = ""
-    """What acts where nothing is learnt."""
+    fresh: Fresh | None = None  # None where no cell that is done has played any
+    policy: str = ""  # what acts where nothing is learnt
     level_to: dict[str, Crossing] = field(default_factory=dict)
     """"steps", "wall" and "fallen" -> when the return first reaches the `Level`; empty where there
     is none, and without falls where they were not counted."""
@@ -195,8 +171,7 @@ class Across:
 
     name: str
     env_ids: list[str]
-    share: Estimate
-    """Return over the most that can be earned: the mean of the interquartile means."""
+    share: Estimate  # return over the most that can be earned: the mean of the interquartile means
     probability: dict[str, Estimate]
     """By measure: of doing better than the reference; empty for the reference."""
 
@@ -209,18 +184,13 @@ class Answer:
     arm: str
     against: str
     measure: Measure
-    fresh: bool
-    """Whether it is of fresh episodes; else of the last evaluations."""
-    means: tuple[float, float]
-    """Over the runs of the arm, and of that which it is set against."""
-    paired: bool
-    """Whether one of the two learns nothing, so that they are paired by episodes."""
+    fresh: bool  # whether it is of fresh episodes; else of the last evaluations
+    means: tuple[float, float]  # over the runs of the arm, and of that which it is set against
+    paired: bool  # whether one of the two learns nothing, so that they are paired by episodes
     difference: Estimate
     """Of the interquartile means, the arm's less the other's; where paired of the means."""
-    p_value: float
-    """Of the two-sided Mann-Whitney permutation test, or of `statistics.paired`."""
-    corrected: float
-    """The same, corrected for the number of endpoints by Holm's method."""
+    p_value: float  # of the two-sided Mann-Whitney permutation test, or of `statistics.paired`
+    corrected: float  # the same, corrected for the number of endpoints by Holm's method
 
 
 @dataclass(frozen=True)
@@ -234,13 +204,11 @@ class Findings:
     arms: list[ArmFound]
     across: list[Across]
     warnings: list[str]
-    versions: dict[str, Any]
-    """Of the first run that there is."""
+    versions: dict[str, Any]  # of the first run that there is
     answers: list[Answer] = field(default_factory=list)
     """To the endpoints, once both arms have trainings that are done; if one of them learns nothing,
     once both have played fresh episodes."""
-    levels: dict[str, Level] = field(default_factory=dict)
-    """By environment."""
+    levels: dict[str, Level] = field(default_factory=dict)  # by environment
 
     def environments(self) -> dict[str, list[ArmFound]]:
         """Return the arms by environment."""

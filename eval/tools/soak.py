@@ -23,8 +23,7 @@ from fbid_gym.checks import check_positive
 from train.command import run_command
 from train.environments import make_envs
 
-MOST_GROWTH = 0.01
-"""Share of the memory."""
+MOST_GROWTH = 0.01  # share of the memory
 
 
 @dataclass(frozen=True)
@@ -48,30 +47,21 @@ class SoakConfig:
 class Reading(NamedTuple):
     """What a process holds."""
 
-    memory: int
-    """Bytes, resident."""
-    files: int
-    """File descriptors."""
-    threads: int
-    """Of the system."""
+    memory: int  # bytes, resident
+    files: int  # file descriptors
+    threads: int  # of the system
 
 
 class Soaked(NamedTuple):
     """What became of one layer."""
 
     layer: str
-    steps: int
-    """Environment steps."""
-    ticks: int
-    """Of the layer, in these."""
-    lost: int
-    """Robots that were given an observation or a reward that is no number."""
-    resets: int
-    """Ends of episodes."""
-    first: Reading
-    """At the end of the first fifth."""
-    last: Reading
-    """At the end."""
+    steps: int  # environment steps
+    ticks: int  # of the layer, in these
+    lost: int  # robots that were given an observation or a reward that is no number
+    resets: int  # ends of episodes
+    first: Reading  # at the end of the first fifth
+    last: Reading  # at the end
 
     @property
     def growth(self) -> float:

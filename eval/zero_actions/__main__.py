@@ -19,8 +19,7 @@ from train.command import run_command
 from train.runs.files import check_output, write
 from train.runs.tables import check_kept, read_rows, to_csv
 
-WITHIN = 0.1
-"""Share by which survival and error may differ from what they are compared with."""
+WITHIN = 0.1  # share by which survival and error may differ from what they are compared with
 
 
 class Sum(NamedTuple):

@@ -17,8 +17,7 @@ from train.episodes import Actor
 from train.recipes import config_for
 from train.runs.proportional import matrix_of
 
-Row = dict[str, str]
-"""Column -> cell."""
+Row = dict[str, str]  # column -> cell
 
 WARM_UP = (7, 18, 29, 40, 51)
 """Policy steps by the zero action before the noisy one: different phases of a gait."""
@@ -134,7 +133,7 @@ def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[s
         values = values.reshape(*up.shape, -1)
         seconds = values[: whole * hz].reshape(whole, hz, *values.shape[1:]).mean(axis=1)
         numbers[name] = _mean(np.linalg.norm(values, axis=2)[up])
-        # A second counts if the robot is up at its end.
+        # a second counts if the robot is up at its end.
         lasting = np.linalg.norm(seconds, axis=2)[up[hz - 1 :: hz][:whole]]
         numbers[f"{name}_of_1_s_means"] = _mean(lasting)
     numbers["slip"], way = _mean(told["slip"][up]), told["speed"][up].sum()

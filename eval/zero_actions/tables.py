@@ -93,25 +93,19 @@ class Table(NamedTuple):
     """Name of a factor -> its values, in words -> what they are for the environment; "push" in
     weights of the robot, "gain" of the proportional law; "told" options of the
     layers that have them, without the rows of others."""
-    names: tuple[str, ...]
-    """Columns that say what is measured; those of SHARED follow."""
+    names: tuple[str, ...]  # columns that say what is measured; those of SHARED follow
     numbers: tuple[str, ...]
     rows: tuple[str, ...]
     """Of the short table: columns that make a line; it sums up all rows that agree in them."""
-    across: str
-    """Of the short table: the column whose cells are its columns."""
-    error: str = ""
-    """Column shown beside how many stayed up."""
-    more: tuple[str, ...] = ()
-    """Columns shown after that."""
+    across: str  # of the short table: the column whose cells are its columns
+    error: str = ""  # column shown beside how many stayed up
+    more: tuple[str, ...] = ()  # columns shown after that
     compared: bool = False
     """Whether the short table says by how much a cell differs from the first of its line."""
     episodes: int = 32
     seconds: float = 20.0
-    without: tuple[str, ...] = ()
-    """Options that it does not have."""
-    of_each: tuple[str, ...] = ()
-    """Columns with a number for each robot, separated by spaces."""
+    without: tuple[str, ...] = ()  # options that it does not have
+    of_each: tuple[str, ...] = ()  # columns with a number for each robot, separated by spaces
     policies: tuple[str, ...] = ()
     """Names of shipped policies that act beside the zero action, in the column "acts"."""
 

@@ -25,8 +25,7 @@ BALANCE = "fbid_gym/BipedBalance-v0"
 WALK = "fbid_gym/QuadrupedWalk-v0"
 
 RELATIVE_LIMITS = {"biped, `base_acceleration`": Limit(0.55, at_least=True)}
-MIXED = ((4, 64), (16, 4))
-"""Robots of a list, and how many environments of each."""
+MIXED = ((4, 64), (16, 4))  # robots of a list, and how many environments of each
 
 MIXED_LIMIT = Limit(0.9, at_least=True)
 THREAD_LIMIT = Limit(1.7, at_least=True)

@@ -68,8 +68,7 @@ over a batch."""
 class Seconds(NamedTuple):
     """Of a round."""
 
-    cost: float
-    """Of what is measured."""
+    cost: float  # of what is measured
     physics: float
 
 

@@ -13,8 +13,7 @@ from fbid_gym.runtime.config import EnvConfig
 _FIRST = "base_acceleration"
 """Whose clip is shown: of the layers the one that stands and walks in all of them."""
 
-described = cache(page)
-"""Id of an environment -> the package's page of it."""
+described = cache(page)  # id of an environment -> the package's page of it
 
 
 class Scene(NamedTuple):

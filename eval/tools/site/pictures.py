@@ -24,8 +24,7 @@ from fbid_gym.policy import Policy
 from fbid_gym.robots import load
 from train.runs.files import write
 
-FOLDER = Path("build/docs")
-"""Where they go; git does not see it."""
+FOLDER = Path("build/docs")  # where they go; git does not see it
 
 CAPTION = (
     "The zero action of {} on the biped, pushed with 0.2 times its weight for 0.15 s. Thin: the "
