@@ -42,11 +42,7 @@ class Client(NamedTuple):
         return done.stderr.strip().rpartition("\n")[2] if done.returncode else ""
 
     def run(self) -> float:
-        """Run the example, and return its frames per second of the last statement.
-
-        Raises:
-            RunError: it fails.
-        """
+        """Run the example; return frames per second of its last statement, RunError if it fails."""
         done = _python(f"import eval.clients; eval.clients.timed({self.code!r})")
         if done.returncode:
             raise RunError(f"The example of {self.name} fails: {done.stderr.strip()[-2000:]}")

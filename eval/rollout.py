@@ -97,11 +97,7 @@ class Player:
         return self.env_args if self.robot is None else {**self.env_args, "robot": self.robot}
 
     def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:
-        """Map observations (N, O) to actions (N, A).
-
-        Raises:
-            PolicyFileError: the policy does not fit the spaces of the environment.
-        """
+        """Map observations (N, O) to actions (N, A); PolicyFileError where that does not fit."""
         boxes = [space for space in (observations, actions) if isinstance(space, gym.spaces.Box)]
         if [len(space.shape) for space in boxes] != [1, 1]:
             expected = "an environment whose observations and actions are boxes of one axis"
@@ -169,11 +165,7 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
 
 
 def lawful(player: Player, gain: float) -> Player:
-    """Return the player of the proportional law where another plays, for its robot.
-
-    Raises:
-        FbidError: as `train.runs.proportional.matrix_of`.
-    """
+    """Return the player of the proportional law where another plays, for its robot."""
     law = proportional(player.env_id, player.make_args, gain)
     return replace(player, name=law.source, policy=replace(law, env_args=player.env_args))
 

@@ -30,11 +30,7 @@ class Entry(NamedTuple):
     path: Path  # its run folder or file
 
     def robot(self) -> Robot:
-        """Return the robot that it learnt with.
-
-        Raises:
-            FbidError: one of the user's own that is not beside it.
-        """
+        """Return the robot that it learnt with; FbidError for an own one that is not there."""
         named = self.policy.env_args.get("robot")
         if isinstance(named, str):
             return load(named)
@@ -43,11 +39,7 @@ class Entry(NamedTuple):
 
 
 def named(sources: Sequence[Path]) -> list[Entry]:
-    """Return the policies that a command line names, each under a name of its own.
-
-    Raises:
-        FbidError: one that cannot be read, or two of a name.
-    """
+    """Return the policies of a command line, by names of their own; FbidError for two of a name."""
     found: list[Entry] = []
     for source in sources:
         path = place_of(source)
@@ -91,11 +83,7 @@ def robots_beside(robot: Robot, named: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def robot_of(entries: Sequence[Entry]) -> Robot | None:
-    """Return the robot that policies learnt with; None without any policy.
-
-    Raises:
-        FbidError: they learnt with different ones.
-    """
+    """Return the robot that policies learnt with, None without any; FbidError for several."""
     robots = [entry.robot() for entry in entries]
     for entry, robot in zip(entries, robots, strict=True):
         if robot.digest != robots[0].digest:

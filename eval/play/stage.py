@@ -87,11 +87,7 @@ class Stage:
         policies: Mapping[str, Policy],
         first: str = NO_POLICY,
     ) -> "Stage":
-        """Check and build.
-
-        Raises:
-            FbidError: no such environment, or arguments or a policy that do not fit it.
-        """
+        """Check and build; FbidError for an environment that is none, or what does not fit it."""
         check_stage(env_id, policies)
         stage = cls(env_id, dict(arguments), dict(policies), first)
         return stage.among((stage.robot.name,))
@@ -107,11 +103,7 @@ class Stage:
         return given if isinstance(given, Robot) else several(given)[0]
 
     def with_robot(self, name: str) -> "Stage":
-        """Return the stage with another of its robots.
-
-        Raises:
-            FbidError: it cannot be loaded.
-        """
+        """Return the stage with another of its robots; FbidError where that cannot be loaded."""
         if name == self.chosen:
             return self
         begun = self.begun or self.robot

@@ -29,11 +29,7 @@ def to_query(offered: Mapping[str, Control], settings: Settings) -> str:
 
 
 def words_of(query: str) -> dict[str, str]:
-    """Return the words of a query by the names that they are for; an empty one names none.
-
-    Raises:
-        InvalidValueError: not such a query.
-    """
+    """Return the words of a query by what they are for; InvalidValueError for no such query."""
     expected = "a link as the page shows it, with each setting once"
     if len(query) > _LONGEST:
         raise InvalidValueError("link", query[:40], expected)

@@ -112,11 +112,7 @@ def run(config: RobustnessConfig, command: list[str]) -> None:
 
 
 def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
-    """Return who is tried, and warnings.
-
-    Raises:
-        FbidError: nobody is; or a run, study, robot or argument that is not valid.
-    """
+    """Return who is tried, and warnings; FbidError for nobody, or for what is not valid."""
     further: dict[str, Any] = parse_env_args(config.env_args)
     for name, option in _SAID_ELSEWHERE.items():
         if name in further:

@@ -113,11 +113,7 @@ def digest(policy: Policy) -> str:
 
 
 def read(path: Path) -> Robustness:
-    """Read what `to_dict` gave from a JSON file.
-
-    Raises:
-        RunError: it cannot be read, or is something else.
-    """
+    """Read what `to_dict` gave from a JSON file; RunError for anything else."""
     data = read_object(path, RunError)
     try:
         return msgspec.convert(data, Robustness)

@@ -162,11 +162,7 @@ def _paired(
 
 
 def checked_reference(study: Study, reference: str | None) -> str:
-    """Return the arm that the others are set against; None: the study's.
-
-    Raises:
-        UnknownOptionError: no arm has that name.
-    """
+    """Return the arm that others are set against, which has to be one; None: the study's."""
     names = dict.fromkeys(arm.name for arm in arms(study))
     check_choices("reference", () if reference is None else (reference,), names)
     return study.reference if reference is None else reference

@@ -131,25 +131,17 @@ def _played(cell: Cell, seed: int, count: int) -> dict[str, str]:
 
 
 def levels(study: Study) -> dict[str, Played]:
-    """Return what policies that learn nothing do in evaluations of trainings, by the arm's folder.
-
-    Raises:
-        RunError: what is kept cannot be read.
-    """
+    """Return what policies that learn nothing do in evaluations of trainings, by folder."""
     rows = _rows(level_file(study))
     known = {cell.config.folder.name: _of_today(rows, cell) for cell in study.unlearnt}
     return {name: Played.of(row) for name, row in known.items() if row is not None}
 
 
 def kept(study: Study) -> tuple[dict[str, Played], list[str]]:
-    """Return what is kept of the policies of a study that are at their end.
+    """Return what is kept of the policies of a study that are at their end, by the name of the run.
 
-    Returns:
-        By the name of the run, of those whose policy is still the one that played; and warnings
-        where others were measured, too, or by different states of the code.
-
-    Raises:
-        RunError: what is kept cannot be read.
+    It is of those whose policy is still the one that played; there are warnings where others were
+    measured, too, or by different states of the code. RunError where it cannot be read.
     """
     rows = _rows(fresh_file(study))
     found, changed, commits = {}, [], set()

@@ -315,11 +315,7 @@ class Case(NamedTuple):
 
 
 def cases(config: ZeroActionConfig) -> list[Case]:
-    """Return the rows to be, in the order of the table.
-
-    Raises:
-        FbidError: there are none, or something that cannot be used.
-    """
+    """Return the rows to be, in the order of the table; FbidError where there are none."""
     table = TABLES[config.table]
     for name in table.without:
         if (value := getattr(config, name)) != getattr(ZeroActionConfig, name):
