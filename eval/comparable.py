@@ -115,11 +115,9 @@ def origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
 def shared_settings(runs: Sequence[Run]) -> dict[str, Any]:
     """Training settings that all runs have in common, flattened to dotted names."""
     settings = [training_settings(run.config) for run in runs if run.config is not None]
-    if not settings:
-        return {}
-    others = settings[1:]
+    first, *others = settings or [{}]
     return {
         name: value
-        for name, value in settings[0].items()
+        for name, value in first.items()
         if all(name in its and its[name] == value for its in others)
     }

@@ -70,10 +70,8 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
                 env_args=dict(members[0].policy.env_args),
                 runs=results,
                 metrics={
-                    metric.name: st.estimate(
-                        np.array([run.metrics[metric.name] for run in results]), chance
-                    )
-                    for metric in METRICS
+                    m.name: st.estimate(np.array([run.metrics[m.name] for run in results]), chance)
+                    for m in METRICS
                 },
                 zero_action=zero_action,
                 by_steps=_band(results, "steps", chance),
@@ -167,9 +165,8 @@ def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> li
     """Share of episodes survived under pushes of each size, all else as in training."""
     shares = []
     for push in pushes:
-        env_args = {**player.env_args, "push_force": [push, push]}
-        env_args["episode_seconds"] = settings.sweep_seconds
-        pushed = replace(player, env_args=env_args)
+        changes = {"push_force": [push, push], "episode_seconds": settings.sweep_seconds}
+        pushed = replace(player, env_args={**player.env_args, **changes})
         episodes = play_player(pushed, settings.sweep_episodes, settings.seed)
         shares.append(float(np.mean(episodes.survived)))
     return shares
@@ -178,8 +175,7 @@ def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> li
 def _band(runs: Sequence[RunResult], axis: str, chance: Chance) -> Band | None:
     if not all(run.returns for run in runs):
         return None
-    x = [np.array(getattr(run, axis)) for run in runs]
-    return st.band(x, [np.array(run.returns) for run in runs], chance)
+    return st.band([getattr(run, axis) for run in runs], [run.returns for run in runs], chance)
 
 
 def _crossing(
@@ -187,10 +183,7 @@ def _crossing(
 ) -> Crossing | None:
     if threshold is None or not all(run.returns for run in runs):
         return None
-    each = [
-        st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
-        for run in runs
-    ]
+    each = [st.first_crossing(getattr(run, axis), run.returns, threshold) for run in runs]
     return st.crossing(np.array(each), chance)
 
 

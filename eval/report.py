@@ -14,14 +14,13 @@ from eval.page.figures import Marks, Series, Strip, panel, strips
 from eval.page.html import render
 from eval.results import Comparison, Layer, greatest_return
 from eval.statistics import coverage_ceiling
-from eval.wording import capital, count, crossing, form_of, interval, number, percent, steps
+from eval.wording import METRIC, capital, count, crossing, form_of, interval, number, percent, steps
 from train.episodes import METRICS, Metric
 
 _SHOWN = (
     "returned", "survived", "velocity_error", "turning_error", "height_error", "torque", "power",
     "slip", "cost_of_transport", "foothold_error",
 )  # fmt: skip
-_BY_NAME = {metric.name: metric for metric in METRICS}
 
 
 def page(c: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str:
@@ -130,8 +129,8 @@ def headline(c: Comparison) -> str:
 def _numbers(c: Comparison, layers: Sequence[Layer]) -> str:
     """Say what the layers come to in the units of the task, "against" one another."""
     parts = []
-    known = [m for m in ("velocity_error", "returned") if _known(c, _BY_NAME[m])]
-    metric = _BY_NAME[known[0]] if known else METRICS[0]
+    known = [m for m in ("velocity_error", "returned") if _known(c, METRIC[m])]
+    metric = METRIC[known[0]] if known else METRICS[0]
     values = [form_of(metric)(layer.metrics[metric.name].value) for layer in layers]
     parts.append(f"{metric.label} {' against '.join(values)} {metric.unit}".strip())
     if c.sweep:

@@ -14,6 +14,7 @@ from scipy import stats
 
 from eval.results import Band, Crossing, Estimate
 
+Values = Sequence[float] | np.ndarray
 Statistic = Callable[..., np.ndarray]
 """Maps one array or several, and the axis of the runs, to values with that axis removed."""
 
@@ -41,14 +42,9 @@ class Chance(NamedTuple):
         """
         with np.errstate(invalid="ignore"):  # of scipy's own interval, where values are infinite
             drawn = stats.bootstrap(
-                data,
-                statistic,
-                n_resamples=self.samples,
-                axis=0,
-                vectorized=True,
-                method="percentile",
-                rng=self.rng,
-            ).bootstrap_distribution
+                data, statistic, n_resamples=self.samples, axis=0, vectorized=True,
+                method="percentile", rng=self.rng,
+            ).bootstrap_distribution  # fmt: skip
         tail = (1.0 - self.confidence) / 2.0
         low = np.quantile(drawn, tail, axis=-1, method="lower")
         return np.array([low, np.quantile(drawn, 1.0 - tail, axis=-1, method="higher")])
@@ -78,7 +74,7 @@ def estimate(values: np.ndarray, chance: Chance) -> Estimate:
     return chance.estimate([values], interquartile_mean)
 
 
-def band(x: Sequence[np.ndarray], y: Sequence[np.ndarray], chance: Chance) -> Band:
+def band(x: Sequence[Values], y: Sequence[Values], chance: Chance) -> Band:
     """Interquartile mean of learning curves, with its interval, on the range that all cover.
 
     Of each run, x are the increasing abscissae, y what is learnt.
@@ -91,7 +87,7 @@ def band(x: Sequence[np.ndarray], y: Sequence[np.ndarray], chance: Chance) -> Ba
     return Band(grid.tolist(), interquartile_mean(curves).tolist(), low, high)
 
 
-def common_grid(x: Sequence[np.ndarray], points: int = 200) -> np.ndarray:
+def common_grid(x: Sequence[Values], points: int = 200) -> np.ndarray:
     """Return points evenly spaced over what all curves cover, or the one point that they share."""
     start, stop = max(values[0] for values in x), min(values[-1] for values in x)
     return np.linspace(start, stop, points) if stop > start else np.array([min(start, stop)])
@@ -102,7 +98,7 @@ def crossing(each: np.ndarray, chance: Chance) -> Crossing:
     return Crossing(each.tolist(), chance.estimate([each], np.median))
 
 
-def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
+def first_crossing(x: Values, y: Values, threshold: float) -> float:
     """Where a curve (K,) first reaches a threshold, linearly interpolated between its points.
 
     A point that does not count is minus infinity, and then the next one that reaches the threshold
@@ -110,7 +106,7 @@ def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
     above the threshold (reached there or before); infinity if it never reaches it. A censored run
     is thereby later than any budget, never left out.
     """
-    above = np.flatnonzero(y >= threshold)
+    above = np.flatnonzero(np.asarray(y) >= threshold)
     if above.size == 0:
         return math.inf
     k = int(above[0])

@@ -74,8 +74,15 @@ def run(config: TransferConfig) -> None:
     rows = list[dict[str, Any]]()
     with progress(console, "robots") as tell:
         for number, robot in enumerate(robots):
-            for name, make in _players(config, env_args, robot):
-                rows.append(_row(robot, name, _played(name, make, robot, config, console)))
+            for name, source, change in _players(config, env_args):
+                played = None
+                try:
+                    player = change(load_player(source, env_args, robot))
+                    played = play_player(player, config.episodes, config.seed)
+                except FbidError as reason:  # it cannot act on the robot
+                    sentence = f"{name} on {robot.name}: {reason}"
+                    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+                rows.append(_row(robot, name, played))
             tell(number + 1, len(robots), robot.name)
     console.print(table(rows))
     for sentence in findings(rows):
@@ -86,55 +93,36 @@ def run(config: TransferConfig) -> None:
 
 
 def _players(
-    config: TransferConfig, env_args: dict[str, Any], robot: Robot
-) -> Iterator[tuple[str, Callable[[], Player]]]:
-    """Names of those who play on a robot, and what makes them: a policy, then what learnt nothing.
+    config: TransferConfig, env_args: dict[str, Any]
+) -> Iterator[tuple[str, Path, Callable[[Player], Player]]]:
+    """Names of those who play, and what makes them of a policy: itself, then what learnt nothing.
 
     The latter once for each layer.
     """
     told = set[str]()
     for source in config.sources:
-
-        def make(change: Callable[[Player], Player], source: Path = source) -> Player:
-            return change(load_player(source, env_args, robot))
-
         its = load_policy(place_of(source))
         layer = {**its.env_args, **env_args}.get("action_layer", "")
         if config.who != "laws":
             named = f"{its.source}, {layer}" if its.algorithm == LAW else ""
-            yield named or source.name.removesuffix(SUFFIX), partial(make, lambda player: player)
+            yield named or source.name.removesuffix(SUFFIX), source, lambda player: player
         if config.who == "policies" or layer in told:
             continue
         told.add(layer)
-        yield f"{ZERO}{layer}", partial(make, lambda player: replace(player, policy=None))
+        yield f"{ZERO}{layer}", source, lambda player: replace(player, policy=None)
         if config.gain is not None:
-            law = partial(make, partial(lawful, gain=config.gain))
-            yield f"{PREFIX}{config.gain:g}, {layer}", law
-
-
-def _played(
-    name: str, make: Callable[[], Player], robot: Robot, config: TransferConfig, console: Console
-) -> Episodes | None:
-    """The episodes of a player; None, with a sentence, where it cannot act on the robot."""
-    try:
-        return play_player(make(), config.episodes, config.seed)
-    except FbidError as reason:
-        sentence = f"{name} on {robot.name}: {reason}"
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-        return None
+            name = f"{PREFIX}{config.gain:g}, {layer}"
+            yield name, source, partial(lawful, gain=config.gain)
 
 
 def _row(robot: Robot, name: str, played: Episodes | None) -> dict[str, Any]:
-    told: dict[str, Any] = {"return": "", "up": "", "velocity_error": "", "episodes": 0}
-    if played is not None:
-        told = {
-            "return": f"{np.mean(played.returned):.6g}",
-            "up": f"{np.mean(played.survived):.4g}",
-            "velocity_error": f"{np.mean(played.velocity_error):.4g}",
-            "episodes": len(played),
-        }
     own = {"robot": robot.name, "mass": f"{robot.mass:.4g}", "joints": robot.num_joints}
-    return {**own, "feet": robot.num_feet, "policy": name, **told}
+    row: dict[str, Any] = {**own, "feet": robot.num_feet, "policy": name}
+    if played is None:
+        return row | {"return": "", "up": "", "velocity_error": "", "episodes": 0}
+    up, error = np.mean(played.survived), np.mean(played.velocity_error)
+    told = {"return": f"{np.mean(played.returned):.6g}", "up": f"{up:.4g}"}
+    return row | told | {"velocity_error": f"{error:.4g}", "episodes": len(played)}
 
 
 def table(rows: list[dict[str, Any]]) -> Table:

@@ -4,9 +4,11 @@ import math
 from collections.abc import Callable
 
 from eval.results import Crossing, Estimate
-from train.episodes import Metric
+from train.episodes import METRICS, Metric
 
 Form = Callable[[float], str]
+
+METRIC = {metric.name: metric for metric in METRICS}
 
 _WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 _NO_BREAK = "\N{NO-BREAK SPACE}"

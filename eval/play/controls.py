@@ -25,15 +25,9 @@ ALONE = "nobody"
 LONGEST_DELAY = 0.1  # s, of an action on its way
 MOST_NOISE = 5.0
 MOST_PUSH = 2.0  # weights of the robot
-COMMAND, PUSH, WHO, TIME, WORLD, OVERLAYS = GROUPS = (
-    "Command",
-    "Push (or drag the robot)",
-    "Who acts",
-    "Time",
-    "World",
-    "Overlays",
-)
+GROUPS = ("Command", "Push (or drag the robot)", "Who acts", "Time", "World", "Overlays")
 """Where controls stand on the page, in its order."""
+COMMAND, PUSH, WHO, TIME, WORLD, OVERLAYS = GROUPS
 ASIDE = (PUSH, TIME, OVERLAYS)
 """Groups whose controls, unless they reset, change nothing of a robot."""
 _USUAL_PUSH, _USUAL_SECONDS = 0.4, 0.15  # weights, s

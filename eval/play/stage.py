@@ -25,25 +25,11 @@ _DAY = 86_400.0
 
 # Set on the page, or made so that episodes do not end and nothing but the page pushes.
 OWNED = (
-    "action_layer",
-    "layer_options",
-    "terrain",
-    "difficulty",
-    "gait",
-    "curriculum",
-    "randomisation",
-    "episode_seconds",
-    "push_force",
-    "push_velocity",
-    "push_duration",
-    "push_interval",
-    "command_interval",
-    "height_interval",
-    "lowered_range",
-    "render_mode",
-    "render_options",
-    "num_threads",
-)
+    "action_layer", "layer_options", "terrain", "difficulty", "gait", "curriculum",
+    "randomisation", "episode_seconds", "push_force", "push_velocity", "push_duration",
+    "push_interval", "command_interval", "height_interval", "lowered_range", "render_mode",
+    "render_options", "num_threads",
+)  # fmt: skip
 """Arguments of an environment that are a session's own."""
 
 

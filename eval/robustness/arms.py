@@ -61,26 +61,21 @@ def load_arms(
     for path, study in studies:
         check_cells(study)
         its = [
-            arm
+            (arm, arm.finished())
             for arm in arms(study)
             if env_id in (None, arm.env) and (not named or arm.name in named)
         ]
-        done = [arm.finished() for arm in its]
-        if not any(done):
+        if not any(done for _, done in its):
             where = f" in {env_id}" if env_id else ""
             raise RunError(
                 f"{path}: no run of the study has finished{where}: python -m train.sweep."
             )
-        found += [
-            arm_of_cells(arm.name, finished, robot, env_args)
-            for arm, finished in zip(its, done, strict=True)
-            if finished
-        ]
+        found += [arm_of_cells(arm.name, done, robot, env_args) for arm, done in its if done]
         warnings += [
             f"{cell.name} of {path.name} has not finished and is left out."
-            for arm, finished in zip(its, done, strict=True)
+            for arm, done in its
             for cell in arm.cells
-            if cell not in finished
+            if cell not in done
         ]
     _check_arms(found)
     return found, warnings

@@ -13,21 +13,19 @@ import numpy as np
 
 from eval.results import Estimate
 from eval.robustness.arms import Arm, environment
-from eval.robustness.factors import FACTORS, Factor, changed
+from eval.robustness.factors import BY_NAME, Factor, changed
 from eval.rollout import Player, play_player
 from eval.statistics import Chance, interquartile_mean
+from eval.wording import METRIC
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from fbid_gym.reading import read_object
 from fbid_gym.runtime.config import EnvConfig
-from train.episodes import METRICS, Episodes
+from train.episodes import Episodes
 from train.progress import Tell
 
 CONFIDENCE, SAMPLES = 0.95, 2000
 """Of the intervals: percentiles of a stratified bootstrap of that many samples."""
-
-_METRICS = {metric.name: metric for metric in METRICS}
-_FACTORS = {factor.name for factor in FACTORS}
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Along:
             known = {point.low is None for point in curve.points}
             if len(curve.points) != len(self.values) or len(known) > 1:
                 raise ValueError("points that are not those of the values")
-        if self.name not in _FACTORS:
+        if self.name not in BY_NAME:
             raise ValueError(f"no factor {self.name!r}")
 
 
@@ -93,10 +91,8 @@ class Robustness:
         """Refuse measures that there are not, and a factor without one of the arms."""
         for along in self.along:
             for measure in self.measures:
-                if (
-                    measure not in _METRICS
-                    or along.curves.get(measure, {}).keys() != self.arms.keys()
-                ):
+                its = along.curves.get(measure, {})
+                if measure not in METRIC or its.keys() != self.arms.keys():
                     raise ValueError(f"{measure} is not of the arms {', '.join(self.arms)}")
 
     def to_dict(self) -> dict[str, Any]:

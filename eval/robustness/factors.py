@@ -314,3 +314,4 @@ FACTORS = (
     ),
 )
 """In the order of the page."""
+BY_NAME = {factor.name: factor for factor in FACTORS}

@@ -10,7 +10,8 @@ from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, panel, sheet
 from eval.page.html import render
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
-from eval.robustness.tables import BY_NAME, cell, heading, means, written
+from eval.robustness.factors import BY_NAME
+from eval.robustness.tables import cell, heading, means, written
 from eval.robustness.wording import headline, lede
 from eval.wording import percent
 

@@ -10,31 +10,27 @@ from rich.table import Table
 from eval.page.docs import markdown_table
 from eval.results import Estimate
 from eval.robustness.curves import Along, Curve, Robustness
-from eval.robustness.factors import FACTORS, Factor
-from eval.wording import capital, form_of, interval, number, titled
+from eval.robustness.factors import BY_NAME
+from eval.wording import METRIC, capital, form_of, interval, number, titled
 from fbid_gym.errors import RunError
-from train.episodes import METRICS
 from train.runs.tables import to_csv
 
-BY_NAME: dict[str, Factor] = {factor.name: factor for factor in FACTORS}
-
 _COLUMNS = ("factor", "value", "arm", "measure", "estimate", "low", "high")
-_LABELS = {metric.name: metric for metric in METRICS}
 
 
 def heading(measure: str) -> str:
     """Return the name of a measure, with its unit."""
-    return capital(titled(_LABELS[measure]))
+    return capital(titled(METRIC[measure]))
 
 
 def written(measure: str, value: float) -> str:
     """Write a value of a measure."""
-    return form_of(_LABELS[measure])(value)
+    return form_of(METRIC[measure])(value)
 
 
 def more_is_better(measure: str) -> bool:
     """Whether more of a measure is better."""
-    return _LABELS[measure].better > 0
+    return METRIC[measure].better > 0
 
 
 def cell(measure: str, estimate: Estimate) -> str:

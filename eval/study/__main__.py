@@ -189,9 +189,8 @@ def _outdated(study: Study, kept: Robustness) -> list[str]:
         for run, then in zip(runs, kept.policies[arm], strict=True)
         if then != policy_digest(cells[run])
     ]
-    if not changed:
-        return []
-    return [f"{what} is of policies that have changed since, of {', '.join(changed)}: {again}"]
+    said = f"{what} is of policies that have changed since, of {', '.join(changed)}: {again}"
+    return [said] if changed else []
 
 
 if __name__ == "__main__":

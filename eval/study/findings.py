@@ -114,26 +114,16 @@ def _answers(
             continue
         x, y = (np.array(side[measure.name]) for side in sides)
         unlearnt = any(arm.policy for arm in pair)
-        if not unlearnt:
-            apart, p_value = st.difference(x, y, chance), st.p_value(x, y, chance.rng)
-        elif (its := _paired(pair, played, chance, measure)) is not None:
-            apart, p_value = its
+        if unlearnt:
+            known = _paired(pair, played, chance, measure)
         else:
-            continue
-        answers.append(
-            Answer(
-                asked.env,
-                asked.arm,
-                asked.against,
-                measure,
-                fresh_of_both,
-                (float(x.mean()), float(y.mean())),
-                unlearnt,
-                apart,
-                p_value,
-                p_value,
+            known = st.difference(x, y, chance), st.p_value(x, y, chance.rng)
+        if known is not None:
+            means, which = (float(x.mean()), float(y.mean())), (asked.env, asked.arm, asked.against)
+            its = Answer(
+                *which, measure, fresh_of_both, means, unlearnt, *known, corrected=known[1]
             )
-        )
+            answers.append(its)
     # Those that are not known yet count, too: with p = 1.
     unknown = [1.0] * (len(study.endpoints) - len(answers))
     corrected = st.holm([answer.p_value for answer in answers] + unknown)
@@ -250,24 +240,18 @@ def _with_level(arm: ArmFound, levels: Mapping[str, Level], chance: Chance) -> A
     cells = [cell for cell in arm.cells if cell.name in arm.counted]
     if not cells or arm.env_id not in levels or not arm.has(RETURN):
         return arm
-    level_to = {}
+    level_to, share = {}, levels[arm.env_id].share
+    curves = [(cell, _scores(cell.curves, RETURN, arm.most)) for cell in cells]
     for axis in ("steps", "wall", "fallen"):
-        each = [
-            st.first_crossing(
-                np.array(getattr(cell, axis)),
-                _scores(cell.curves, RETURN, arm.most),
-                levels[arm.env_id].share,
-            )
-            for cell in cells
-        ]
+        each = [st.first_crossing(getattr(cell, axis), its, share) for cell, its in curves]
         if not np.isnan(each).any():
             level_to[axis] = st.crossing(np.array(each), chance)
     return replace(arm, level_to=level_to)
 
 
 def _band(cells: Sequence[CellFound], axis: str, measure: Measure, chance: Chance) -> Band:
-    x = [np.array(getattr(cell, axis)) for cell in cells]
-    return st.band(x, [np.array(cell.curves[measure.name]) for cell in cells], chance)
+    x = [getattr(cell, axis) for cell in cells]
+    return st.band(x, [cell.curves[measure.name] for cell in cells], chance)
 
 
 def _crossing(
@@ -280,8 +264,8 @@ def _crossing(
     each = []
     for cell in cells:
         upright = 1.0 - np.array(cell.curves[FALLS.name]) >= settings.survival
-        errors = np.where(upright, np.array(cell.curves[ERROR.name]), np.inf)
-        each.append(st.first_crossing(np.array(getattr(cell, axis)), -errors, -error))
+        errors = np.where(upright, cell.curves[ERROR.name], np.inf)
+        each.append(st.first_crossing(getattr(cell, axis), -errors, -error))
     return st.crossing(np.array(each), chance)
 
 

@@ -174,9 +174,7 @@ def _finished(study: Study) -> list[Cell]:
 def _of_today(rows: dict[str, dict[str, str]], cell: Cell) -> dict[str, str] | None:
     """Return the row of a cell if its policy is still the one that was measured."""
     row = rows.get(cell.config.folder.name)
-    if row is None or row["policy"] != policy_digest(cell):
-        return None
-    return row
+    return row if row is not None and row["policy"] == policy_digest(cell) else None
 
 
 def _rows(file: Path) -> dict[str, dict[str, str]]:

@@ -14,8 +14,9 @@ from eval.page.figures import Series, Strip, panel, strips
 from eval.page.html import render
 from eval.results import Crossing
 from eval.robustness.curves import CONFIDENCE, Robustness
+from eval.robustness.factors import BY_NAME
 from eval.robustness.page import panels
-from eval.robustness.tables import BY_NAME, means
+from eval.robustness.tables import means
 from eval.study.pace import Pace
 from eval.study.results import (
     CURVES,
