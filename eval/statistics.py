@@ -186,7 +186,8 @@ def paired(x: np.ndarray, y: np.ndarray, confidence: float) -> tuple[Estimate, f
     language-as-fixed-effect fallacy". Of two policies that are no runs it is the paired t-test over
     episodes.
 
-    Either is (R, E) of runs and episodes, or (E,) of a policy that is no run, as one of them is.
+    x and y are (R, E) of runs and episodes, or (E,) of a policy that is no run; one at least is
+    (E,).
 
     Returns:
         The mean of x - y with its interval, and the two-sided p-value: no interval, and 1, where

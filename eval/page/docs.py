@@ -21,9 +21,8 @@ _WIDEST = 110  # characters
 
 def marks(part: str = "") -> tuple[str, str]:
     """Return the marks of a page's tables; of one part, where several commands write to a page."""
-    if not part:
-        return START, END
-    return START.replace("tables", f"tables of {part}"), END.replace("tables", f"tables of {part}")
+    named = f"tables of {part}" if part else "tables"
+    return START.replace("tables", named), END.replace("tables", named)
 
 
 def spliced(page: Path, tables: str, part: str = "") -> str:

@@ -30,7 +30,7 @@ class Entry(NamedTuple):
     path: Path  # its run folder or file
 
     def robot(self) -> Robot:
-        """Return the robot that it learnt with; FbidError for an own one that is not there."""
+        """Return the robot that it learnt with; FbidError for a user's own that is not there."""
         named = self.policy.env_args.get("robot")
         if isinstance(named, str):
             return load(named)

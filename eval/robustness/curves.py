@@ -172,12 +172,8 @@ def measure(
 
     def curve(arm: Arm, factor: Factor, name: str) -> Curve:
         values = factor.values_in(config)
-        table = np.array(
-            [
-                [getattr(played[key], name) for key in plan[arm.name, factor.name, value]]
-                for value in values
-            ]
-        )
+        keys = [plan[arm.name, factor.name, value] for value in values]
+        table = np.array([[getattr(played[key], name) for key in its] for its in keys])
         return estimated(table, values, bool(factor.stages), np.random.default_rng(budget.seed))
 
     return Robustness(
