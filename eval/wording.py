@@ -116,7 +116,6 @@ def crossing(value: Crossing | None, form: Form) -> str:
         return "reached before training"
     if not math.isfinite(value.median.value):
         return f"reached in {value.reached} of {total} runs, first after {form(min(value.each))}"
-    missing = (
-        "" if value.reached == total else f", not reached in {total - value.reached} of {total}"
-    )
+    late = total - value.reached
+    missing = f", not reached in {late} of {total}" if late else ""
     return f"{interval(value.median, form)}{missing}"

@@ -34,11 +34,7 @@ from train.runs.robots import chosen
 from train.runs.tables import read_rows
 from train.runs.versions import versions
 
-_SAID_ELSEWHERE = {
-    "robot": "--robot",
-    "action_layer": "--zero-action",
-    "episode_seconds": "--seconds",
-}
+_OTHERWISE = {"robot": "--robot", "action_layer": "--zero-action", "episode_seconds": "--seconds"}
 
 
 @dataclass(frozen=True)
@@ -114,7 +110,7 @@ def run(config: RobustnessConfig, command: list[str]) -> None:
 def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
     """Return who is tried, and warnings; FbidError for nobody, or for what is not valid."""
     further: dict[str, Any] = parse_env_args(config.env_args)
-    for name, option in _SAID_ELSEWHERE.items():
+    for name, option in _OTHERWISE.items():
         if name in further:
             raise InvalidValueError(f"{name} in --env-args", further[name], f"none; see {option}")
     robot = chosen(config.robot, config.feet)

@@ -77,13 +77,6 @@ def _fixed(
     return lambda value, config: {"randomisation": {name: (nominal + unit * value,) * 2}}
 
 
-def _motor_table(config: EnvConfig) -> Changes:
-    """The environment's motors as a table."""
-    if isinstance(config.motors, str):
-        return {} if config.motors == IDEAL else {"base": config.motors}
-    return dict(config.motors)
-
-
 def _sped(share: float, config: EnvConfig) -> Changes:
     motors = SHEET if config.motors == IDEAL else config.motors
     return {"motors": motors, "randomisation": {"motor_speed": (share, share)}}
@@ -98,9 +91,13 @@ def _without_line(config: EnvConfig) -> str:
 
 
 def _lagging(milliseconds: float, config: EnvConfig) -> Changes:
+    """The environment's motors as a table, with a lag."""
     if milliseconds == 0.0:
         return {}
-    return {"motors": _motor_table(config) | {"lag": 1e-3 * milliseconds}}
+    own = config.motors
+    if isinstance(own, str):
+        own = {} if own == IDEAL else {"base": own}
+    return {"motors": own | {"lag": 1e-3 * milliseconds}}
 
 
 def _sensing(varied: str) -> Callable[[float, EnvConfig], Changes]:
