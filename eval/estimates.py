@@ -122,9 +122,8 @@ def run(config: EstimatesConfig) -> None:
                 values = factor * played[estimator, preset][name]
                 values = values[:, ~np.isnan(values).all(axis=0)]
                 size = np.sqrt(np.nanmean(np.square(values)))
-                print(
-                    f"{env} {preset} {estimator}: {title}, root mean square {size:.3g}", flush=True
-                )
+                said = f"{env} {preset} {estimator}: {title}, root mean square {size:.3g}"
+                print(said, flush=True)
                 if estimator == ESTIMATORS[0]:
                     low, middle, high = np.nanquantile(values, (0.1, 0.5, 0.9), axis=1)
                     seconds = np.arange(1, len(values) + 1) / hz

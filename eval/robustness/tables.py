@@ -28,6 +28,11 @@ def written(measure: str, value: float) -> str:
     return form_of(METRIC[measure])(value)
 
 
+def more_is_better(measure: str) -> bool:
+    """Whether more of a measure is better."""
+    return METRIC[measure].better > 0
+
+
 def cell(measure: str, estimate: Estimate) -> str:
     """Write "value (low to high)"."""
     return interval(estimate, lambda value: written(measure, value))
@@ -94,7 +99,7 @@ def means(found: Robustness) -> list[tuple[str, bool, list[str], list[list[str]]
             name = f"{along.name}, change" if BY_NAME[along.name].stages else along.name
             curves = along.curves[measure].values()
             rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
-        tables.append((heading(measure), METRIC[measure].better > 0, heads, rows))
+        tables.append((heading(measure), more_is_better(measure), heads, rows))
     return tables
 
 

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from eval.robustness.curves import Along, Robustness
-from eval.robustness.tables import areas, written
-from eval.wording import METRIC, capital, count
+from eval.robustness.tables import areas, more_is_better, written
+from eval.wording import capital, count
 
 LEVEL = ""  # in place of an arm: none is clearly ahead
 
 
 def leader(along: Along, measure: str) -> str:
     """Return the arm that is clearly ahead along a factor: its interval lies beyond all others'."""
-    sign = 1.0 if METRIC[measure].better > 0 else -1.0
+    sign = 1.0 if more_is_better(measure) else -1.0
     curves = along.curves[measure]
     best, *others = sorted(curves, key=lambda arm: -sign * curves[arm].summary.value)
     ends = {
