@@ -92,7 +92,7 @@ LINES = {
     "estimation": 1984,
     "motions": 3880,
     "policy": 626,
-    "robots": 5895,
+    "robots": 5530,
     "runtime": 1857,
     "tasks": 2272,
 }

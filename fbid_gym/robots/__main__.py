@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from fbid_gym.robots import ROBOTS, ZOO, load
 from fbid_gym.robots.description import feet_in_words, in_json
 from fbid_gym.robots.portrait import portrait, write_png
 from fbid_gym.robots.robot import Robot
-from fbid_gym.robots.summary import summary
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,6 +46,50 @@ def _show(given: argparse.Namespace) -> None:
             print(f"- {sentence}", flush=True)
     if policy is not None:
         print(f"\nBy {given.policy}, without pushes:\n- {by_policy(robot, policy)}", flush=True)
+
+
+def summary(robot: Robot) -> str:
+    """Describe a robot: joints, limits, feet, what was changed, what speaks against its home."""
+    head = (
+        f"{robot.name}: {robot.num_joints} joints, {robot.num_feet} feet on {robot.num_points} "
+        f"points, {robot.mass:.4g} kg, base {robot.home_qpos[2]:.4g} m high at home"
+    )
+    low, high = robot.joint_range.T
+    columns: dict[str, Iterable[Any]] = {
+        **{"joint": robot.joint_names, "from": low, "to": high, "home": robot.home_qpos[7:]},
+        **{"limit": robot.torque_limit, "armature": robot.model.dof_armature[6:]},
+        "damping": robot.joint_damping,
+    }
+    if robot.servo_gains is not None:
+        columns |= {"servo kp": robot.servo_gains.stiffness, "kd": robot.servo_gains.damping}
+    feet = {
+        "foot": robot.foot_names,
+        "body": [robot.at_home.body_name(foot.body) for foot in robot.feet],
+        "points": [str(foot.num_points) for foot in robot.feet],
+        "radius": [foot.radius for foot in robot.feet],
+        "named": [", ".join(foot.point_names) for foot in robot.feet],
+    }
+    parts = [head, _table(columns), _table(feet)]
+    if robot.notes:
+        parts.append("Changed:\n" + _listed(robot.notes))
+    told = robot.check()
+    parts.append("At home:\n" + _listed(told or ["Nothing speaks against it."]))
+    return "\n\n".join(parts)
+
+
+def _listed(sentences: Sequence[str]) -> str:
+    return "\n".join(f"- {sentence}" for sentence in sentences)
+
+
+def _table(columns: Mapping[str, Iterable[Any]]) -> str:
+    """Columns side by side: words to the left, numbers to the right."""
+    padded = []
+    for name, values in columns.items():
+        cells = [value if isinstance(value, str) else f"{value:.3g}" for value in values]
+        words = any(cell[:1].isalpha() and cell not in ("inf", "nan") for cell in cells)
+        width = max(map(len, [name, *cells]))
+        padded.append([f"{cell:{'<>'[not words]}{width}}" for cell in [name, *cells]])
+    return "\n".join("  ".join(row).rstrip() for row in zip(*padded, strict=True))
 
 
 def _parser() -> argparse.ArgumentParser:

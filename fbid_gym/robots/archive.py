@@ -22,21 +22,16 @@ from fbid_gym.reading import parse_object, read_file
 from fbid_gym.robots import meshes
 from fbid_gym.robots.mjcf import compile_spec
 
-SUFFIX = ".zip"
+SUFFIX, _FILE = ".zip", "robot.json"
+# What `robot.json` may say: arguments of `Robot.from_mjcf`.
 ARGUMENTS = ("feet", "name", "home", "base", "torque_limit", "armature")
-"""What `robot.json` may say: arguments of `Robot.from_mjcf`."""
-
-MOST_BYTES = 2**28
-"""Of a robot, packed or not, and of a file that it needs."""
-
-_FILE = "robot.json"
+MOST_BYTES = 2**28  # of a robot, packed or not, and of a file that it needs
 
 
 def pack(spec: mujoco.MjSpec) -> bytes:
     """Return a spec as a zip of its MJCF and of the files that needs; the spec stays as it is.
 
-    Raises:
-        RobotError: it cannot be written, or a file is not there.
+    Raises RobotError where it cannot be written, or a file is not there.
     """
     original, spec = spec, spec.copy()
     files: dict[str, bytes] = {}
@@ -106,10 +101,7 @@ def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
 
 
 def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
-    """Take apart what `with_arguments` gave, which messages call `name`.
-
-    Returns:
-        What `pack` gave, and the arguments.
+    """Take apart what `with_arguments` gave, which messages call `name`: a `pack`, and arguments.
 
     Raises:
         RobotError: no archive of a robot, or more than 256 MB of it.

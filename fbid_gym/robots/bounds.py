@@ -19,21 +19,11 @@ from xml.parsers import expat
 from fbid_gym.errors import RobotError
 from fbid_gym.reading import MOST_DATA, read_file
 
-MOST_TEXT = 2**24
-"""Bytes of a file of text."""
-
-MOST_DEPTH = 200
-"""Elements within each other."""
-
-MOST_ELEMENTS = 100_000
-"""With all that is repeated."""
-
-MOST_CELLS = 2**24
-"""Pixels of a texture, heights of a field, vertices of a flex."""
-
-MOST_MEMORY = 2**32
-"""Bytes of MuJoCo's own memory for a robot."""
-
+MOST_TEXT = 2**24  # bytes of a file of text
+MOST_DEPTH = 200  # elements within each other
+MOST_ELEMENTS = 100_000  # with all that is repeated
+MOST_CELLS = 2**24  # pixels of a texture, heights of a field, vertices of a flex
+MOST_MEMORY = 2**32  # bytes of MuJoCo's own memory for a robot
 _MOST_FILES = 1000
 _FOLDERS = {"meshdir", "texturedir", "assetdir"}
 # MuJoCo does not look into these: comments may hold "--", and letters of any encoding. What takes
@@ -62,9 +52,7 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
     """
     named, folders, seen = set[str](), {""}, set[Path]()
     beside = content.parent if isinstance(content, Path) else Path()
-    queue: list[Path | bytes] = (
-        [content] if isinstance(content, Path) else [*_texts(content, label)]
-    )
+    queue = [content] if isinstance(content, Path) else list[Path | bytes](_texts(content, label))
     while queue:
         text = queue.pop()
         if isinstance(text, Path):
@@ -73,11 +61,8 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
                 _refuse(label, f"includes more than {_MOST_FILES} files")
             text = read_file(text, MOST_TEXT, RobotError)
         for element, attributes in _elements(text, label):
-            for name, value in attributes.items():
-                if name in _FOLDERS:
-                    folders.add(value)
-                elif name.startswith("file"):
-                    named.add(value)
+            folders |= {value for name, value in attributes.items() if name in _FOLDERS}
+            named |= {value for name, value in attributes.items() if name.startswith("file")}
             part = beside / attributes.get("file", "")
             # MuJoCo looks beside the first file, and says what is missing.
             if element == "include" and seen and part not in seen and exists(part):
@@ -152,7 +137,8 @@ def _check_files(beside: Path, folders: set[str], named: set[str]) -> None:
 def _check_numbers(element: str, attributes: dict[str, str], label: str) -> None:
     for name, value in attributes.items():
         where = f"<{element} {name}="
-        if name != "name" and any(_is_infinite(word) for word in value.split()):
+        numbers = [_number(word) or 0.0 for word in value.split() if name != "name"]
+        if not all(map(math.isfinite, numbers)):
             _refuse(label, f"has {where}{value[:40]!r}>, where a finite number is expected")
         if element == "size" and _memory(value) > MOST_MEMORY:
             _refuse(label, f"asks for more than {MOST_MEMORY >> 30} GB by {where}{value[:40]!r}>")
@@ -172,11 +158,6 @@ def _memory(word: str) -> float:
     """Bytes of "512M", or a number."""
     unit = _UNITS.get(word[-1:].upper())
     return (_number(word[:-1] if unit else word) or 0.0) * (unit or 1)
-
-
-def _is_infinite(word: str) -> bool:
-    number = _number(word)
-    return number is not None and not math.isfinite(number)
 
 
 def _number(word: str) -> float | None:

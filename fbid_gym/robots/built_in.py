@@ -122,11 +122,7 @@ def load(name: str) -> Robot:
 
 
 def asset_path(name: str) -> Path:
-    """Path of a file in `assets/`.
-
-    Raises:
-        RobotError: there is no such file.
-    """
+    """Path of a file in `assets/`; raises RobotError where there is none."""
     places = asset_places(name)
     for path in places:
         if path.is_file():

@@ -6,16 +6,14 @@ from fnmatch import fnmatchcase
 from fbid_gym.checks import check_positive
 from fbid_gym.errors import UnknownOptionError
 
+# One number for every joint, or joint name or pattern ("*_knee") -> number.
 ByJoint = float | Mapping[str, float]
-"""One number for every joint, or joint name or pattern ("*_knee") -> number."""
 
 
 def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[str, float]:
     """Return joint name -> value, for the joints that `given` speaks of; later patterns win.
 
-    Raises:
-        UnknownOptionError: a pattern that fits none of the joints.
-        InvalidValueError: a value that is not a positive number.
+    Each has to fit a joint (UnknownOptionError), and its value to be positive (InvalidValueError).
     """
     if given is None:
         return {}

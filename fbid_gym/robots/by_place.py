@@ -4,11 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fbid_gym.robots.contact_sensors import (
-    add_contact_sensors,
-    remove_contact_sensors,
-    sensor_columns,
-)
+from fbid_gym.robots import contact_sensors
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.mjcf import compile_spec
 from fbid_gym.robots.robot import Robot
@@ -32,10 +28,10 @@ def by_place(robot: Robot) -> Robot:
         return robot
     feet, spec = tuple(robot.feet[foot] for foot in order), robot.spec.copy()
     # The forces on its points lie side by side, in their order.
-    remove_contact_sensors(spec)
+    contact_sensors.remove_contact_sensors(spec)
     compile_spec(spec, robot.name)
     bodies = {body.id: body for body in spec.bodies}
-    sensors = add_contact_sensors(spec, robot.at_home, bodies, feet)
+    sensors = contact_sensors.add_contact_sensors(spec, robot.at_home, bodies, feet)
     model = compile_spec(spec, robot.name)
-    changed = {"model": model, "contact_sensor": sensor_columns(model, sensors)}
+    changed = {"model": model, "contact_sensor": contact_sensors.sensor_columns(model, sensors)}
     return replace(robot, feet=feet, spec=spec, **changed).made_by(by_place, robot)

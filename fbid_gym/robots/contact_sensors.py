@@ -10,7 +10,6 @@ import numpy as np
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.measured_model import MeasuredModel
 
-_GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
 _PREFIX = "fbid_contact_"
 # Shapes touch the ground symmetrically, contacts between two points included: not on the border.
@@ -38,16 +37,8 @@ def add_contact_sensors(
     foot's space is cut into cells, and each point counts what lies in its own.
 
     MuJoCo's contact sensor reports the force that the first matched object exerts on the second, so
-    the robot is named second.
-
-    Args:
-        spec: the spec to extend.
-        home: of the same, compiled before anything was added.
-        bodies: its bodies, by their id.
-        feet: the feet.
-
-    Returns:
-        Names of the sensors, in the order of the points.
+    the robot is named second. `home` was compiled before anything was added to the spec, `bodies`
+    are its by their id. Returns names of the sensors, in the order of the points.
     """
     names: list[str] = []
     for foot in feet:
@@ -60,14 +51,10 @@ def add_contact_sensors(
             if by_geoms:
                 matched = {"reftype": _OBJ.mjOBJ_GEOM, "refname": point}
             elif foot.num_points > 1:
-                bodies[foot.body].add_site(
-                    name=name,
-                    type=_GEOM.mjGEOM_BOX,
-                    pos=cell.centre,
-                    size=cell.half_size,
-                    quat=_quaternion(cell.axes),
-                    group=5,
-                )
+                quat = np.empty(4)
+                mujoco.mju_mat2Quat(quat, np.ascontiguousarray(cell.axes).ravel())
+                box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": cell.half_size, "group": 5}
+                bodies[foot.body].add_site(name=name, pos=cell.centre, quat=quat, **box)
                 matched = whole | {"objtype": _OBJ.mjOBJ_SITE, "objname": name}
             sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, **matched)
             # data="force", reduce="netforce", num="1"
@@ -162,9 +149,3 @@ def _named(bodies: Mapping[int, mujoco.MjsBody], body: int) -> str:
     if not bodies[body].name:
         bodies[body].name = f"fbid_foot_body_{body}"  # its own id is gone once something is added
     return str(bodies[body].name)
-
-
-def _quaternion(axes: np.ndarray) -> np.ndarray:
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
-    return quaternion

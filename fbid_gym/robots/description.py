@@ -14,21 +14,15 @@ from fbid_gym.robots.bounds import MOST_TEXT
 from fbid_gym.robots.source import Source, is_file
 
 FILE = "robot.toml"
-
+# What may stand in it: the file, `robot.xml` by default, and arguments of `Robot.from_mjcf`.
 KEYS = ("mjcf", *ARGUMENTS)
-"""What may stand in it: the file, `robot.xml` by default, and arguments of `Robot.from_mjcf`."""
 
 
 def described(source: Any) -> tuple[Any, dict[str, Any]]:
-    """Look for what a `robot.toml` says of a robot.
+    """Return what to load, and the other arguments of `Robot.from_mjcf`.
 
-    Args:
-        source: path of a `robot.toml` or of what `Robot.save` wrote, or what `Robot.from_mjcf`
-            takes: a file is looked up in the `robot.toml` of its folder, if that is about this
-            file.
-
-    Returns:
-        What to load, and the other arguments of `Robot.from_mjcf`.
+    The source is the path of a `robot.toml` or of what `Robot.save` wrote, or what `from_mjcf`
+    takes: a file is looked up in the `robot.toml` of its folder, if that is about this file.
 
     Raises:
         RobotError: a file that is not TOML, or no archive of a robot.
@@ -52,11 +46,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def feet_in_words(words: Sequence[str] | None) -> Any:
-    """Return the argument `feet` of `Robot.from_mjcf` from words: names, or what JSON says.
-
-    Raises:
-        InvalidValueError: text that begins as JSON and is none.
-    """
+    """Return the argument `feet` of `Robot.from_mjcf` from words: names, or JSON, see `in_json`."""
     if words and words[0][:1] in ("{", "["):
         return in_json("feet", " ".join(words))
     return list(words) if words else None

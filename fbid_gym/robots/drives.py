@@ -140,16 +140,11 @@ def check_motors(motors: Any) -> None:
 
 
 def with_motors(robot: Robot, motors: Any, sheet: Mapping[str, Any] | None = None) -> Robot:
-    """Return a robot with the motors that are asked for; the same robot if these are ideal.
+    """Return a robot of ideal motors with those that are asked for; the same if these are ideal.
 
-    Args:
-        robot: with ideal motors.
-        motors: "ideal", "data_sheet", or a table, see `MotorTable`.
-        sheet: the robot's data sheet, a table; None if there is none.
-
-    Raises:
-        FbidError: unknown names, invalid values, joints that the robot does not have, or a data
-            sheet of a robot without one.
+    The motors are "ideal", "data_sheet" (the robot's, a table `sheet`) or a table, see
+    `MotorTable`. Raises FbidError for unknown names, invalid values, joints that the robot does not
+    have, or a data sheet of a robot without one.
     """
     if motors == IDEAL:
         return robot

@@ -24,24 +24,19 @@ _MIDDLE = 0.1  # of a sphere's radius
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """A rigid body with named contact points.
-
-    Attributes:
-        name: the foot's name.
-        body: MuJoCo id of the body that carries the points.
-        point_names: P names, of sites or geoms where the points are such.
-        points: (P, 3) m, body frame: places on the body's surface, or centres of spheres.
-        radius: m. 0 for places; for spheres their radius: the contact lies `radius` below
-            (world -z) the point.
-        geoms: ids of the spheres or capsules that the points are named after; empty for places.
-    """
+    """A rigid body with named contact points."""
 
     name: str
     body: int
+    """MuJoCo id of the body that carries the points."""
     point_names: tuple[str, ...]
+    """P names, of sites or geoms where the points are such."""
     points: np.ndarray
+    """(P, 3) m, body frame: places on the body's surface, or centres of spheres."""
     radius: float
+    """m. 0 for places; for spheres their radius: the contact lies so far below (world -z)."""
     geoms: tuple[int, ...] = ()
+    """Ids of the spheres or capsules that the points are named after; empty for places."""
 
     @property
     def num_points(self) -> int:
@@ -60,10 +55,9 @@ def contacts(feet: Sequence[Foot], data: mujoco.MjData) -> np.ndarray:
 
 
 def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Return foot name -> names of its points, or the one of its body, for both ways to name them.
+    """Return foot name -> names of its points, or the one of its body.
 
-    Args:
-        feet: the same; or a sequence of names, each of a foot with one point, or of its body.
+    Feet are given so, or as a sequence of names, each of a foot with one point, or of its body.
 
     Raises:
         InvalidValueError: neither form, or no foot.
@@ -97,9 +91,8 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
 def find_feet(home: MeasuredModel, named: Mapping[str, Sequence[str]] | None) -> tuple[Foot, ...]:
     """Find the feet that are named, see `group_points`; for None, those that stand on the ground.
 
-    Raises:
-        RobotError: no feet are found; nothing on a foot's body can touch; or a point cannot be
-            used. Points of a foot lie on one body at different places, and are alike.
+    Points of a foot lie on one body at different places, and are alike. Raises RobotError for
+    others, for a foot with nothing that can touch, and where no feet are found.
     """
     if named is not None:
         return tuple(_find_foot(home, foot, names) for foot, names in named.items())
@@ -111,11 +104,7 @@ def find_feet(home: MeasuredModel, named: Mapping[str, Sequence[str]] | None) ->
 
 
 def foot_of_body(home: MeasuredModel, name: str, body: int) -> Foot:
-    """Find the contact points of a foot by the shape of its body.
-
-    Raises:
-        RobotError: nothing on the body can touch, or the body is fixed to the world.
-    """
+    """Find the contact points of a foot by the shape of its body, which has to touch and move."""
     if home.model.body_weldid[body] == 0:
         raise RobotError(f"Body {name!r} is fixed to the world. Expected a body of the robot.")
     points, radius = touching_points(home, body)

@@ -1,5 +1,7 @@
 """MuJoCo's renderer, and shapes that it draws beside a model: a full scene gets none of them."""
 
+from functools import partial
+
 import mujoco
 import numpy as np
 
@@ -7,16 +9,11 @@ from fbid_gym.errors import FbidError
 
 _GEOM = mujoco.mjtGeom
 
-Colour = tuple[float, float, float, float]
-"""Red, green, blue, opacity, each from 0 to 1."""
+Colour = tuple[float, float, float, float]  # red, green, blue, opacity, each from 0 to 1
 
 
 def offscreen(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
-    """Return a renderer of pictures of this size in pixels.
-
-    Raises:
-        FbidError: nothing to draw with.
-    """
+    """Return a renderer of pictures of this size in pixels; FbidError: nothing to draw with."""
     try:
         return mujoco.Renderer(model, height=height, width=width)
     except Exception as error:  # the GL back ends raise types of their own
@@ -33,41 +30,26 @@ def add_ball(scene: mujoco.MjvScene, place: np.ndarray, radius: float, colour: C
         geom.pos[:], geom.size[:] = place, radius
 
 
-def add_line(
-    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
-) -> None:
-    """Add a line from a place (3,) m to another."""
-    _connect(scene, _GEOM.mjGEOM_CAPSULE, start, end, radius, colour)
-
-
-def add_thread(
-    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, width: float, colour: Colour
-) -> None:
-    """Add a line as wide, in pixels, wherever it is; it casts no shadow."""
-    _connect(scene, _GEOM.mjGEOM_LINE, start, end, width, colour)
-
-
-def add_arrow(
-    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
-) -> None:
-    """Add an arrow from a place (3,) m to another; its head is a few radii long."""
-    geom = _connect(scene, _GEOM.mjGEOM_ARROW, start, end, radius, colour)
-    if geom is not None:
-        geom.size[2] *= 2.0  # of an arrow half of it is drawn
-
-
 def _connect(
-    scene: mujoco.MjvScene,
     kind: mujoco.mjtGeom,
+    scene: mujoco.MjvScene,
     start: np.ndarray,
     end: np.ndarray,
     width: float,
     colour: Colour,
-) -> mujoco.MjvGeom | None:
+) -> None:
+    """Add a shape from a place (3,) m to another; its width is a radius in m, or in pixels."""
     geom = _next(scene, kind, colour)
     if geom is not None:
         mujoco.mjv_connector(geom, kind, width, start, end)
-    return geom
+        if kind == _GEOM.mjGEOM_ARROW:
+            geom.size[2] *= 2.0  # of an arrow half of it is drawn
+
+
+add_line = partial(_connect, _GEOM.mjGEOM_CAPSULE)
+add_arrow = partial(_connect, _GEOM.mjGEOM_ARROW)  # its head is a few radii long
+# As wide, in pixels, wherever it is; it casts no shadow.
+add_thread = partial(_connect, _GEOM.mjGEOM_LINE)
 
 
 def _next(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: Colour) -> mujoco.MjvGeom | None:

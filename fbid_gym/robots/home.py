@@ -11,9 +11,7 @@ from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range
 
-STAND = "stand"
-"""Name of the home pose that `fbid_gym.robots.stand` finds."""
-
+STAND = "stand"  # name of the home pose that `fbid_gym.robots.stand` finds
 _KEYFRAME = "home"
 _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
 _VERTICAL = 0.25  # shorter than this seen from above, of 1, an axis points up or down
@@ -24,21 +22,12 @@ def home_pose(
     names: Sequence[str],
     home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
 ) -> np.ndarray:
-    """Resolve the home pose: above the origin and facing along x; its height is still as given.
+    """Return the home pose (nq,): above the origin, facing along x; its height is still as given.
 
-    Where a robot is on level ground and which way it faces is decided where an episode begins.
-
-    Args:
-        model: compiled model with the free joint first.
-        names: of the joints without the base, in the order of qpos.
-        home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
-
-    Returns:
-        qpos (nq,), its base quaternion normalised, see `_at_the_origin`.
-
-    Raises:
-        FbidError: unknown names, no numbers, another shape, no orientation, or joints outside their
-            range.
+    Where a robot is on level ground and which way it faces is decided where an episode begins. For
+    `home` see `Robot.from_mjcf`; for STAND it is the pose from which to stand up. `names` are of
+    the joints without the base, in the order of qpos. Raises FbidError for unknown names, no
+    numbers, another shape, no orientation, or joints outside their range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str) and not stands_up(model, home):

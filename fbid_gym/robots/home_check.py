@@ -25,12 +25,8 @@ if TYPE_CHECKING:
 
 _OBJ = mujoco.mjtObj
 
-CONTROL_HZ = 250
-"""Control ticks per second that joints are checked for: those at which robots walk."""
-
-ASSUMED_FRICTION = 0.6
-"""What layers assume of the feet, if they are not told."""
-
+CONTROL_HZ = 250  # control ticks per second that joints are checked for: as robots walk
+ASSUMED_FRICTION = 0.6  # what layers assume of the feet, if they are not told
 _SUNK, _UNEVEN = 0.01, 0.02  # of the height of the centre of mass
 _CARRIES_NOTHING, _STILL, _ENOUGH = 0.001, 0.01, 0.9  # of the weight
 
@@ -39,8 +35,7 @@ _TICKS_PER_PERIOD = 10
 _STEP, _WINDOW, _PATIENCE = 1e-3, 200, 10  # s, steps, windows
 
 _TOPPLED = 0.1  # rad, from home
-_LOCKED = 1e4
-"""m²: this times the mass is an inertia that no contact moves."""
+_LOCKED = 1e4  # m²: this times the mass is an inertia that no contact moves
 
 
 def findings(robot: "Robot") -> list[str]:
@@ -56,10 +51,9 @@ def findings(robot: "Robot") -> list[str]:
 
 
 def check_upright(robot: "Robot") -> None:
-    """Check what standing and walking need, and the laws alone do not.
+    """Raise RobotError for a robot that cannot stand and walk, which the laws alone would take.
 
-    Raises:
-        RobotError: it has no joints, gravity does not pull down, or it is not above its feet.
+    It has no joints, gravity does not pull down, or it is not above its feet.
     """
     if not robot.num_joints:
         raise RobotError(f"Robot {robot.name!r} has no joints to act with.")
@@ -149,7 +143,7 @@ def _unloaded(robot: "Robot") -> Iterator[str]:
         return
     idle = list(itertools.compress(_point_names(robot), loads < _CARRIES_NOTHING))
     if idle:
-        yield f"Points {', '.join(idle)} carry nothing at home."
+        yield f"Points {listed(idle)} carry nothing at home."
     if share < _ENOUGH:
         yield f"The contact points carry {share:.0%} of the weight at home, others the rest."
 

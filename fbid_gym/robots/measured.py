@@ -9,8 +9,7 @@ from fbid_gym.robots.robot import Robot
 P = ParamSpec("P")
 Found = TypeVar("Found")
 
-_MOST = 16
-"""Results of a function that are kept of one robot."""
+_MOST = 16  # results of a function that are kept of one robot
 
 
 def once_for_robot(

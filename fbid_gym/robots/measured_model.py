@@ -1,5 +1,6 @@
 """A robot's model in one pose, measured once: what touches, what is welded, how low it reaches."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +13,8 @@ from fbid_gym.robots.mjcf import object_name, warnings_heard
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
 
+# Limbs that end no higher above the lowest, in heights of the centre of mass, are legs.
 LEGS = 0.15
-"""Limbs that end no higher above the lowest, in heights of the centre of mass, are legs."""
-
 _CIRCLE = 8  # points that stand for one
 
 
@@ -91,16 +91,9 @@ class MeasuredModel:
 
     def limb_mass(self, end: int) -> float:
         """Mass of a limb, kg: from where it branches off to its end."""
-        model, body = self.model, end
-        carries = np.bincount(
-            [above for tip in self.limb_ends for above in self.bodies_above(tip)],
-            minlength=model.nbody,
-        )
-        for above in self.bodies_above(end):
-            if carries[above] > 1:
-                break
-            body = above
-        return float(model.body_subtreemass[body])
+        carry = Counter(above for tip in self.limb_ends for above in self.bodies_above(tip))
+        limb = [above for above in self.bodies_above(end) if carry[above] == 1]
+        return float(self.model.body_subtreemass[limb[-1]])
 
     def bodies_above(self, body: int) -> list[int]:
         """Ids of a body and those it hangs from, up to the base."""

@@ -18,17 +18,12 @@ def mend_meshes(
 ) -> tuple[list[str], list[str]]:
     """Find a spec's meshes, convert those that MuJoCo cannot read, and drop the others.
 
-    They are looked for in the folders above, as `package://` would. Those of a kind that MuJoCo
-    does not read, `.dae` above all, are converted if the package trimesh is there. A mesh that a
-    body of an MJCF weighs by stays for MuJoCo to complain of.
+    They are looked for in the folders above that of the file, None for a text, as `package://`
+    would. Those of a kind that MuJoCo does not read, `.dae` above all, are converted if the package
+    trimesh is there. A mesh that a body of an MJCF weighs by stays for MuJoCo to complain of; links
+    of a URDF never weigh by what is drawn.
 
-    Args:
-        spec: the spec to change.
-        folder: of the file; None for a text.
-        is_urdf: links of a URDF never weigh by what is drawn.
-
-    Returns:
-        Notes of what was changed; and names of the bodies that lost a mesh which they collide with.
+    Returns notes of what was changed, and names of the bodies that lost a mesh they collide with.
     """
     converted, drawn, bare = 0, 0, list[str]()
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:

@@ -14,14 +14,11 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.robot import Robot
 
+# By how much mirrored parts may differ: in heights of the centre of mass, masses of the robot,
+# radians, or of one.
 _ALIKE = 0.01
-"""By how much mirrored parts may differ: in heights of the centre of mass, masses of the robot,
-radians, or of one."""
-
+# What reflection does to a vector; to a rotation's it does the opposite.
 _ACROSS = np.array([1.0, -1.0, 1.0])
-"""What reflection does to a vector; to a rotation's it does the opposite."""
-
-_AS_IT_IS = np.ones(3)
 
 
 class Reflection(NamedTuple):
@@ -54,11 +51,7 @@ class Mirror(NamedTuple):
 
 @once_for_robot
 def mirror_of(robot: Robot) -> Mirror:
-    """Find the mirror symmetry of a robot.
-
-    Raises:
-        RobotError: it has none; names the first part that has no counterpart.
-    """
+    """Return the mirror symmetry of a robot, or raise RobotError for a part without counterpart."""
     data, n = robot.at_home.data, robot.num_joints
     base, size = data.xpos[robot.base_body], float(robot.at_home.com[2])
     axes = robot.at_home.rotation(robot.base_body)
@@ -128,9 +121,7 @@ def _check_links(robot: Robot, joint: np.ndarray) -> None:
                 raise _none(robot, f"body {name!r} has another {what} than its counterpart")
 
 
-def _moments(
-    robot: Robot, link: int, scale: np.ndarray = _AS_IT_IS
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _moments(robot: Robot, link: int, scale: np.ndarray | float = 1.0) -> tuple[np.ndarray, ...]:
     """Return mass, first and second moments about the base of a rigid link, scaled along axes."""
     model, data = robot.model, robot.at_home.data
     mass, first, second = np.zeros(()), np.zeros(3), np.zeros((3, 3))

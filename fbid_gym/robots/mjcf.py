@@ -14,11 +14,7 @@ _JOINT = mujoco.mjtJoint
 
 
 def compile_spec(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
-    """Compile a spec, which messages call `label`.
-
-    Raises:
-        RobotError: MuJoCo cannot compile it.
-    """
+    """Compile a spec, which messages call `label`; raises RobotError where MuJoCo cannot."""
     try:
         with warnings_heard():
             return spec.compile()
@@ -56,11 +52,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def refuse(model: mujoco.MjModel, kind: int, found: Sequence[int] | np.ndarray, why: str) -> None:
-    """Refuse elements of a model, if any were found.
-
-    Raises:
-        RobotError: with their names in place of the {} in `why`.
-    """
+    """Raise RobotError if elements were found, with their names in place of the {} in `why`."""
     if len(found):
         raise RobotError(why.format(listed(object_names(model, kind, found))))
 

@@ -63,15 +63,8 @@ def use_motors(
 
     A servo keeps its gear and its force limits. A joint without actuator gets a motor where its
     limit is known: given, or the joint's own `actuatorfrcrange`, which is a URDF's effort. A limit
-    that is given replaces those of the file.
-
-    Args:
-        spec: the spec to change.
-        model: the same, compiled.
-        torque_limit: joint name -> N·m (N for slides), of joints that the user spoke of.
-
-    Returns:
-        Notes of what was changed.
+    that is given, N·m (N for slides), replaces those of the file. The spec is changed, `model` is
+    the same, compiled. Returns notes of what was changed.
     """
     actuators = {actuator.id: actuator for actuator in spec.actuators}
     servos = _servos(model)
@@ -109,19 +102,14 @@ def use_motors(
 
 
 def motor_of_each_joint(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the torque motor of every joint and its limit.
+    """Return joints' actuators (n,), their torques per unit of ctrl, and limits, N·m (N of slides).
 
     The limit is the smallest magnitude among gear * ctrlrange, gear * forcerange and the joint's
     actuatorfrcrange. An asymmetric range counts by its smaller side: a controller that keeps to a
     symmetric limit then never saturates, at the price of the stronger side's excess.
 
-    Returns:
-        actuator (n,) ids; gear (n,), torque per unit of ctrl; torque_limit (n,) in N·m (N for
-        slides). Joints in dof order, without the base.
-
-    Raises:
-        RobotError: a joint without or with several actuators, an actuator that is not a plain
-            torque motor, or a motor without a finite, two-sided limit.
+    Raises RobotError for a joint without or with several actuators, an actuator that is not a plain
+    torque motor, or a motor without a finite, two-sided limit.
     """
     for a in range(model.nu):
         reason = _not_a_motor(model, a)

@@ -46,8 +46,7 @@ class Normal(NamedTuple):
 def normalise(source: Source, base: str | None) -> Normal:
     """Read a description, and set its parts right; a URDF's root, or the body that shall, floats.
 
-    Raises:
-        RobotError: it cannot be read or compiled, or has no body of that name.
+    Raises RobotError where it cannot be read or compiled, or has no body of that name.
     """
     spec, notes = source.read()
     remove_contact_sensors(spec)

@@ -20,13 +20,10 @@ _COM = (0.1, 0.35, 0.85, 1.0)
 
 
 def portrait(robot: Robot) -> np.ndarray:
-    """Draw a robot at home, its shapes half transparent: (960, 1280, 3) uint8.
+    """Draw a robot at home, its shapes half transparent: (960, 1280, 3) uint8; see `offscreen`.
 
     Red are the contact points, yellow is their hull, blue the centre of mass, with its place on the
     ground; grey lines join the bodies' origins.
-
-    Raises:
-        FbidError: nothing to draw with.
     """
     data, points, com = robot.at_home.forward, robot.points_at_home, robot.at_home.com
     robots_own = robot.model.body_weldid[robot.model.geom_bodyid] != 0
@@ -64,11 +61,7 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
     height, width, _ = pixels.shape
     rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
+    chunks = (b"IHDR" + header, b"IDAT" + zlib.compress(rows.tobytes()), b"IEND")
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*chunk) for chunk in chunks))
-
-
-def _chunk(kind: bytes, content: bytes) -> bytes:
-    check = struct.pack(">I", zlib.crc32(kind + content))
-    return struct.pack(">I", len(content)) + kind + content + check
+    framed = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(framed))

@@ -41,47 +41,37 @@ class Robot:
 
     Arrays over joints are in MuJoCo's dof order without the base. Generalized velocity is
     v = [base linear velocity (world), base angular velocity (base frame), joint velocities].
-
-    Attributes:
-        name: the robot's name.
-        model: compiled model, with a ground and one contact-force sensor per contact point. Copy
-            it before changing it.
-        spec: what `model` was compiled from. Add bodies to a copy of it, and the robot keeps its
-            place at the head of every list.
-        feet: the feet, in the order given.
-        base_body: MuJoCo id of the floating body.
-        home_qpos: (nq,) a standing pose above the origin, facing along x, the lowest contact point
-            at z = 0.
-        joint_names: n names.
-        torque_limit: (n,) N·m (N for slides), the same in both directions.
-        joint_range: (n, 2) rad (m for slides), +-inf where unlimited.
-        actuator: (n,) id of the actuator that drives each joint.
-        gear: (n,) torque per unit of ctrl: ctrl[actuator] = torque / gear.
-        contact_sensor: (P, 3) columns of `sensordata` that hold the world-frame force on the robot
-            at each contact point, N. Points in the order of the feet.
-        mass: kg.
-        notes: what was changed of the file, one sentence each.
-        servo_gains: of the file's servos, which are torque motors now; None if it had none.
-        drives: what its motors can give beyond `torque_limit`; None if they are ideal, see
-            `fbid_gym.robots.drives`.
     """
 
     name: str
     model: mujoco.MjModel
+    """Compiled, with a ground and one contact-force sensor per contact point; copy it to change."""
     spec: mujoco.MjSpec
+    """What `model` is of. Add bodies to a copy, and the robot stays at the head of every list."""
     feet: tuple[Foot, ...]
+    """In the order given."""
     base_body: int
+    """MuJoCo id of the floating body."""
     home_qpos: np.ndarray
+    """(nq,) standing above the origin, facing along x, the lowest contact point at z = 0."""
     joint_names: tuple[str, ...]
     torque_limit: np.ndarray
+    """(n,) N·m (N for slides), the same in both directions."""
     joint_range: np.ndarray
+    """(n, 2) rad (m for slides), +-inf where unlimited."""
     actuator: np.ndarray
+    """(n,) id of the actuator that drives each joint."""
     gear: np.ndarray
+    """(n,) torque per unit of ctrl: ctrl[actuator] = torque / gear."""
     contact_sensor: np.ndarray
-    mass: float
+    """(P, 3) columns of `sensordata`: N, world, on the robot at each point in the order of feet."""
+    mass: float  # kg
     notes: tuple[str, ...] = ()
+    """What was changed of the file, one sentence each."""
     servo_gains: motors.ServoGains | None = None
+    """Of the file's servos, which are torque motors now; None if it had none."""
     drives: "Drives | None" = None
+    """What motors can give beyond `torque_limit`, see `fbid_gym.robots.drives`; None: ideal."""
 
     _made: ClassVar[tuple[Callable[..., "Robot"], tuple[Any, ...]] | None] = None
 
@@ -178,11 +168,7 @@ class Robot:
         return self
 
     def __reduce__(self) -> tuple[Callable[..., "Robot"], tuple[Any, ...]]:
-        """Pickle how it was made; unpickling makes it again.
-
-        Raises:
-            RobotError: it was changed after it was loaded.
-        """
+        """Pickle how it was made; unpickling makes it again. One that was changed cannot be."""
         if self._made is None:
             raise RobotError(
                 f"Robot {self.name!r} was changed after it was loaded, so it cannot be pickled. "
@@ -193,8 +179,7 @@ class Robot:
     def save(self, path: str | Path) -> None:
         """Write one file that `load` reads, with all the robot needs: its name ends in ".zip".
 
-        MuJoCo rounds the numbers of an MJCF to six digits when it writes them; see
-        `portable`.
+        MuJoCo rounds the numbers of an MJCF to six digits when it writes them; see `portable`.
 
         Raises:
             RobotError: it was changed after it was loaded.
@@ -378,19 +363,11 @@ def _build(source: Source, given: dict[str, Any]) -> Robot:
 
 
 def _refuse_bare(start: MeasuredModel, feet: tuple[Foot, ...], bare: list[str]) -> None:
-    """Refuse a robot that lost a mesh by which one of its feet would touch the ground.
-
-    Raises:
-        RobotError: with the names of the bodies.
-    """
-    legs = {int(start.model.body_weldid[foot.body]) for foot in feet}
-    ids = {name: start.model.body(name).id for name in bare}
+    """Refuse a robot that lost a mesh by which one of its feet would touch the ground."""
+    weld, ids = start.model.body_weldid, {name: start.model.body(name).id for name in bare}
+    legs = {weld[foot.body] for foot in feet}
     low = contacts(feet, start.data)[:, 2].max() + LEGS * start.com[2]
-    lost = [
-        name
-        for name, body in ids.items()
-        if int(start.model.body_weldid[body]) in legs or start.data.xpos[body, 2] <= low
-    ]
+    lost = [n for n, b in ids.items() if weld[b] in legs or start.data.xpos[b, 2] <= low]
     if lost:
         raise RobotError(
             f"Meshes of the bodies {mjcf.listed(lost)}, which they may stand on, are not found, or "

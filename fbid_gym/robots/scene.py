@@ -57,53 +57,30 @@ def add_ground(
         return
     sky, sun = unused("fbid_sky", spec.textures), unused("fbid_sun", spec.lights)
     ground = unused("fbid_ground", (*spec.textures, *spec.materials, *spec.geoms))
-    spec.add_texture(
-        name=sky,
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.62, 0.74, 0.88],
-        rgb2=[0.95, 0.96, 0.98],
-        width=64,
-        height=384,
-    )
-    spec.add_texture(
-        name=ground,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.86, 0.87, 0.88],
-        rgb2=[0.78, 0.80, 0.82],
-        width=512,
-        height=512,
-    )
+    kind, built_in = mujoco.mjtTexture, mujoco.mjtBuiltin
+    fading = {"type": kind.mjTEXTURE_SKYBOX, "builtin": built_in.mjBUILTIN_GRADIENT}
+    fading |= {"rgb1": [0.62, 0.74, 0.88], "rgb2": [0.95, 0.96, 0.98]}
+    spec.add_texture(name=sky, **fading, width=64, height=384)
+    checked = {"type": kind.mjTEXTURE_2D, "builtin": built_in.mjBUILTIN_CHECKER}
+    checked |= {"rgb1": [0.86, 0.87, 0.88], "rgb2": [0.78, 0.80, 0.82]}
+    spec.add_texture(name=ground, **checked, width=512, height=512)
     size = _extent(home.model)
     tiles = 1.0 / size  # one pair of tiles per robot size
     material = spec.add_material(name=ground, texuniform=True, texrepeat=[tiles, tiles])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = ground
-    base.add_light(
-        name=sun,
-        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        type=mujoco.mjtLightType.mjLIGHT_SPOT,
-        pos=[1.2 * size, -1.6 * size, 4.0 * size],
-        dir=[-1.2, 1.6, -4.0],
-        cutoff=40,
-        exponent=4,
-        diffuse=[0.6, 0.6, 0.6],
-        specular=[0.2, 0.2, 0.2],
-    )
+    follows = {"mode": mujoco.mjtCamLight.mjCAMLIGHT_TRACK, "dir": [-1.2, 1.6, -4.0]}
+    spot = {"type": mujoco.mjtLightType.mjLIGHT_SPOT, "cutoff": 40, "exponent": 4}
+    shine = {"diffuse": [0.6, 0.6, 0.6], "specular": [0.2, 0.2, 0.2]}
+    place = [1.2 * size, -1.6 * size, 4.0 * size]
+    base.add_light(name=sun, pos=place, **follows, **spot, **shine)
     # The renderer's near plane and shadow map are in units of the extent.
     spec.stat.extent = size
     spec.stat.center = [0, 0, 0.5 * size]
     spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
     spec.visual.quality.shadowsize = 2048
-    add_solid(
-        spec,
-        collision_bits(spec),
-        name=ground,
-        type=_GEOM.mjGEOM_PLANE,
-        size=[0, 0, 0.1],
-        material=ground,
-    )
+    plane = {"name": ground, "material": ground, "type": _GEOM.mjGEOM_PLANE, "size": [0, 0, 0.1]}
+    add_solid(spec, collision_bits(spec), **plane)
 
 
 def collision_bits(spec: mujoco.MjSpec) -> int:

@@ -12,14 +12,10 @@ from fbid_gym.robots.zoo import ZOO, drawn
 
 
 def several(robots: Any) -> tuple[Robot, ...]:
-    """Return the robots of a list.
+    """Return the robots of a list, or raise FbidError for an empty one, or something else in it.
 
-    Args:
-        robots: each a `Robot`, the name of a built-in one, "menagerie:NAME", the path of a file, or
-            "zoo:quadruped:0-63" for as many drawn ones, see `fbid_gym.robots.zoo`; or one of these.
-
-    Raises:
-        FbidError: an empty list, or one that holds something else.
+    Each is a `Robot`, the name of a built-in one, "menagerie:NAME", the path of a file, or
+    "zoo:quadruped:0-63" for as many drawn ones, see `fbid_gym.robots.zoo`; or it is one of these.
     """
     listed = [robots] if isinstance(robots, str | Path | Robot) else robots
     if not isinstance(listed, Sequence) or not listed:

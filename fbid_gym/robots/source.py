@@ -19,8 +19,7 @@ from fbid_gym.robots.archive import pack
 from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
 from fbid_gym.robots.mjcf import warnings_heard
 
-MENAGERIE = "menagerie:"
-"""How the names of robots of `mujoco_menagerie` begin."""
+MENAGERIE = "menagerie:"  # how the names of robots of `mujoco_menagerie` begin
 _EXPECTED = (
     "the path or text of an MJCF or URDF, an mujoco.MjSpec, a name of robot_descriptions, or "
     f"{MENAGERIE}NAME"
@@ -101,9 +100,8 @@ class Source:
     def read(self) -> tuple[mujoco.MjSpec, list[str]]:
         """Parse it; returns its spec, and what MuJoCo warned of meanwhile.
 
-        Raises:
-            RobotError: MuJoCo cannot parse it, it asks for more than `bounds` allow, or the file
-                has changed.
+        Raises RobotError where MuJoCo cannot parse it, it asks for more than `bounds` allow, or the
+        file has changed.
         """
         if self.folder and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")

@@ -19,19 +19,17 @@ from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range, moving_joints, refuse
 from fbid_gym.robots.touching import TILTED, side_below, tilt_of
 
+# Length of a leg in the pose, of its length when straight: on two feet, and on more, which walk
+# like that: whoever stands higher sinks when a gait begins.
 _STRETCH = {False: 0.95, True: 0.7}
-"""Length of a leg in the pose, of its length when straight: on two feet, and on more, which walk
-like that: whoever stands higher sinks when a gait begins."""
-
 # Weights of what matters: firmly, as wished, and where nothing else says.
 _FIRM, _WISH, _FACING, _SHY = 100.0, 0.3, 0.1, 0.02
 _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
+# Of a stance that a file draws: each leg is shorter than this share of its length when straight,
+# and the centre of mass is no farther off the middle of the feet, in lengths of a leg.
 _UPRIGHT, _OVER = 0.98, 0.1
-"""Of a stance that a file draws: each leg is shorter than this share of its length when straight,
-and the centre of mass is no farther off the middle of the feet, in lengths of a leg."""
 _DIGITS = 7
-
 _NARROW = 0.05  # width per length below which points span no area
 _LARGER = 1.2  # area, or length where there is none, by which what a foot may stand on is better
 
@@ -39,18 +37,10 @@ _LARGER = 1.2  # area, or length where there is none, by which what a foot may s
 def stand_up(
     start: MeasuredModel, feet: tuple[Foot, ...], named: Mapping[str, Sequence[str]] | None
 ) -> tuple[tuple[Foot, ...], np.ndarray]:
-    """Find a standing pose, see `standing_pose`: on soles, where feet known by bodies have some.
+    """Return feet and a standing pose: on soles, where feet known by bodies have some.
 
-    Args:
-        start: the pose to begin with.
-        feet: as they touch in that pose.
-        named: how the feet were named; None: not at all.
-
-    Returns:
-        The feet, and qpos (nq,).
-
-    Raises:
-        RobotError: no such pose was found.
+    As `standing_pose` does. Feet are given as they touch in the pose to begin with; `named` says
+    how they were named, None that they were not.
     """
     soles = tuple(
         _sole(start, foot)
@@ -74,11 +64,7 @@ def stands(start: MeasuredModel, feet: Sequence[Foot]) -> bool:
 
 
 def check_clear(pose: MeasuredModel, feet: Sequence[Foot]) -> None:
-    """Refuse a pose in which something else is lower than the feet.
-
-    Raises:
-        RobotError: names the body.
-    """
+    """Refuse a pose in which something else is lower than the feet, naming the body."""
     weld, bodies = pose.model.body_weldid, pose.model.geom_bodyid
     of_feet = np.isin(weld[bodies], weld[[foot.body for foot in feet]])
     others = np.flatnonzero(pose.touching & ~pose.ground & ~of_feet).tolist()
@@ -91,22 +77,13 @@ def check_clear(pose: MeasuredModel, feet: Sequence[Foot]) -> None:
 
 
 def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
-    """Find a pose in which the robot stands: its legs bend, the base keeps its orientation.
+    """Return a pose (nq,) in which the robot stands: its legs bend, the base stays as it is.
 
     All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
     of a straight leg's length from their feet (70 % on more than two feet) and joints are within
     their ranges; least squares decides what is left: feet under their hips and soles facing as in
-    `start`, joints near to it, knees towards the middle of their range.
-
-    Args:
-        start: the pose to begin with.
-        feet: of the robot.
-
-    Returns:
-        qpos (nq,), the height of the base as at the start.
-
-    Raises:
-        RobotError: no such pose was found.
+    `start`, joints near to it, knees towards the middle of their range. Raises RobotError where
+    no such pose is found.
     """
     # Half a second that only those who ask for a pose should wait for.
     from scipy.optimize import least_squares
@@ -223,11 +200,7 @@ class _Scene:
 
 
 def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
-    """(F, 2) ids of the first hinge that moves only this foot, and of that farthest from its ends.
-
-    Raises:
-        RobotError: no hinge moves a foot and no other.
-    """
+    """(F, 2) ids: the first hinge that moves only this foot, and that farthest from its ends."""
     data, chains, found = start.data, [start.hinges_above(foot.body) for foot in feet], []
     for foot, chain in zip(feet, chains, strict=True):
         # Joints of a spine move other feet as well.

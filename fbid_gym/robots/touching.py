@@ -13,37 +13,27 @@ from fbid_gym.robots.polygon import few_corners
 _GEOM = mujoco.mjtGeom
 _UP = np.array([0.0, 0.0, 1.0])
 
-_FINGER = 0.005
-"""Share of the robot's mass below which a limb is a finger."""
-_SMALL = 0.15
-"""Width of a round foot, in heights of the centre of mass, above which it is a sole."""
+_FINGER = 0.005  # share of the robot's mass below which a limb is a finger
+_SMALL = 0.15  # width of a round foot, in heights of the centre of mass, above which it is a sole
+# A body tips by no more than this: farther, and it is not its sole that comes down.
 _TIPS = np.radians(45.0)
-"""A body tips by no more than this: farther, and it is not its sole that comes down."""
-TILTED = np.radians(5.0)
-"""Soles that are tilted by more are not stood on."""
-_SIDE = 0.1
-"""Share of all its surface that a side of a body must have to stand on it."""
+TILTED = np.radians(5.0)  # soles that are tilted by more are not stood on
+_SIDE = 0.1  # share of all its surface that a side of a body must have to stand on it
 _SAME = 1e-3  # of normals that are one side's
 _DEPTHS = (1.0, 2.0, 4.0)
 _SHALLOW = 1.0 / 16.0
 _TURNS = (0.0, -1.0, -0.5, 0.5, 1.0)  # rad
 _ROUND = 0.05  # of a wheel's radius
+# What lies no higher above the lowest point, in heights of the centre of mass, touches, too.
 _LEVEL = 0.01
-"""What lies no higher above the lowest point, in heights of the centre of mass, touches, too."""
 
 
 def bodies_of_feet(home: MeasuredModel) -> list[int]:
-    """Find the feet: the lowest bodies at the end of each limb.
+    """Return ids of the feet: the lowest bodies at the end of each limb; RobotError for none.
 
     A limb ends where nothing that moves by itself hangs on. Those that reach down as far as the
     lowest, give or take a seventh of the height of the centre of mass, are legs; not fingers, which
     are light, beside others that are not.
-
-    Returns:
-        Ids of the bodies, one for each foot.
-
-    Raises:
-        RobotError: no limb ends in something that can touch the ground.
     """
     heights = {end: home.lowest(home.welded_geoms(end)) for end in home.limb_ends}
     ground = min(heights.values(), default=np.inf)
@@ -64,15 +54,9 @@ def _ball(points: np.ndarray, height: np.ndarray, above: float) -> tuple[np.ndar
     """Find whether a foot is round and small, so that it rolls on one point.
 
     What is round has ever less of it near the ground: a quarter of the width at a sixteenth of the
-    depth. A sole has all of it; what is large rocks on its edges.
-
-    Args:
-        points: (K, 3) m, world, of its surface, or centres of spheres.
-        height: (K,) m, of their lowest ends.
-        above: m, height of the centre of mass.
-
-    Returns:
-        Its lowest point (3,), and an estimate of its radius, m; None where it is not.
+    depth. A sole has all of it; what is large rocks on its edges. Points (K, 3) m, world, are of
+    its surface, or centres of spheres; (K,) m are the heights of their lowest ends, `above` is that
+    of the centre of mass. Returns its lowest point (3,), and an estimate of its radius, m; or None.
     """
     low = float(height.min())
     depth = _LEVEL * max(above - low, 0.0)
@@ -141,11 +125,7 @@ def side_below(
 
 
 def refuse_wheels(home: MeasuredModel, bodies: Iterable[int]) -> None:
-    """Refuse feet that turn about themselves: turned by their last hinge they touch as before.
-
-    Raises:
-        RobotError: with their names.
-    """
+    """Refuse feet that turn about themselves: turned by their last hinge they touch as before."""
     wheels = [home.body_name(body) for body in bodies if _is_wheel(home, body)]
     if wheels:
         raise RobotError(
@@ -174,14 +154,10 @@ def touching_points(home: MeasuredModel, body: int) -> tuple[np.ndarray, float]:
 
     Spheres touch at one point, lying capsules at two, boxes at corners, meshes and many small geoms
     at the corners of their hull: no more than four to eight of them. What is round, and small, is
-    one sphere, be it a mesh, a cylinder or a capsule.
+    one sphere, be it a mesh, a cylinder or a capsule. Raises RobotError where nothing can touch.
 
-    Returns:
-        Points (P, 3) m, in the body's frame, in counterclockwise order; and the radius (m) of the
-        spheres that they are the centres of, 0 if they are not.
-
-    Raises:
-        RobotError: nothing on the body can touch.
+    Returns points (P, 3) m, in the body's frame, in counterclockwise order; and the radius (m) of
+    the spheres that they are the centres of, 0 if they are not.
     """
     geoms = home.welded_geoms(body)
     if not geoms.size:

@@ -31,15 +31,9 @@ _BAD = _WARN.mjWARN_INERTIA, _WARN.mjWARN_BADQPOS, _WARN.mjWARN_BADQVEL, _WARN.m
 
 
 def refuse_unmodelled(model: mujoco.MjModel) -> int:
-    """Refuse all but one floating tree, and forces that laws lack.
+    """Refuse all but one floating tree, and forces that laws lack; returns the floating body's id.
 
     Tendons that only measure are none of these.
-
-    Returns:
-        Id of the floating body.
-
-    Raises:
-        RobotError: with the names of what is refused.
     """
     base = _base_of_tree(model)
     _refuse_extremes(model)
@@ -152,11 +146,7 @@ def _refuse_extremes(model: mujoco.MjModel) -> None:
 
 
 def refuse_diverging(home: MeasuredModel, label: str) -> None:
-    """Refuse what no simulation can carry: a few steps from home, without torques, tell.
-
-    Raises:
-        RobotError: it diverges.
-    """
+    """Refuse what no simulation can carry: a few steps from home, without torques, tell."""
     model, data = home.model, mujoco.MjData(home.model)
     data.qpos[:] = home.qpos
     with warnings_heard() as heard:

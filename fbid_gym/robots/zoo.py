@@ -32,13 +32,10 @@ from fbid_gym.robots.robot import Robot
 
 ZOO = "zoo:"
 """How the names of drawn robots begin."""
-
 HELD_OUT = 1000
 """First of the seeds whose robots are for tests."""
-
 FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6}
 """Kinds of robots to draw from, with their numbers of legs; 0: two, four or six."""
-
 _NAME = re.compile(rf"{ZOO}(?:({'|'.join(filter(None, FAMILIES))}):)?(\d{{1,9}})(?:-(\d{{1,9}}))?")
 _MOST_AT_ONCE = 10_000
 _FOLDED = 2.75  # rad between upper and lower leg, see the module
@@ -116,26 +113,20 @@ def draw(seed: int, family: str = "") -> Morphology:
         legs=legs,
         # A biped stands on soles, and puts them level with an ankle.
         joints=int(rng.integers(4 if legs == 2 else 3, most + 1)),
-        foot="box" if legs == 2 else _foot_of(family, str(rng.choice(FEET))),
+        foot="box" if legs == 2 else str(rng.choice(FEET)),
         actuators=str(rng.choice(ACTUATORS)),
         ground=bool(rng.random() < 0.5),
         leg=leg,
         upper=float(rng.uniform(0.45, 0.55)),
         bend=float(rng.uniform(0.25, 0.6)),
         knees=tuple(1 if legs == 2 else int(rng.choice([-1, 1])) for _ in range(legs // 2)),
-        trunk=(
-            length,
-            width := leg * float(rng.uniform(0.15, 0.25)),
-            leg * float(rng.uniform(0.1, 0.3)),
-        ),
-        width=width,
-        shares=(
-            share := float(rng.uniform(0.4, 0.7)),
-            0.0,
-            *((1.0 - share) * np.array([0.6, 0.3, 0.1])),
-        ),
+        width=(width := leg * float(rng.uniform(0.15, 0.25))),
+        trunk=(length, width, leg * float(rng.uniform(0.1, 0.3))),
+        shares=((s := float(rng.uniform(0.4, 0.7))), 0.0, *((1.0 - s) * np.array([0.6, 0.3, 0.1]))),
         motors_high=False,
     )
+    if family and legs > 2:
+        animal = replace(animal, foot="sphere")
     return _like_robots(animal, rng) if family == "quadruped" else animal
 
 
@@ -155,10 +146,6 @@ def _like_robots(animal: Morphology, rng: np.random.Generator) -> Morphology:
     )
 
 
-def _foot_of(family: str, drawn: str) -> str:
-    return "sphere" if family else drawn
-
-
 def built(animal: Morphology, name: str | None = None) -> Robot:
     """Load a drawn robot as a user would."""
     limit = torque_limit(animal) if animal.actuators == "none" else None
@@ -168,8 +155,7 @@ def built(animal: Morphology, name: str | None = None) -> Robot:
 def drawn(name: str) -> tuple[str, ...]:
     """Return the names of the robots that a name such as "zoo:quadruped:0-63" or "zoo:7" means.
 
-    Raises:
-        InvalidValueError: no such name, or no robots or too many.
+    Raises InvalidValueError for no such name, and for no robots or too many.
     """
     family, first, last = _parts(name)
     if not first <= last < first + _MOST_AT_ONCE:
@@ -179,11 +165,7 @@ def drawn(name: str) -> tuple[str, ...]:
 
 
 def named(name: str) -> Robot:
-    """Return the robot of a name such as "zoo:quadruped:7".
-
-    Raises:
-        InvalidValueError: no such name.
-    """
+    """Return the robot of a name such as "zoo:quadruped:7", or raise InvalidValueError."""
     family, first, last = _parts(name)
     if first != last:
         raise InvalidValueError("robot", name, f"one robot, such as {drawn(name)[0]!r}")

@@ -40,7 +40,6 @@ from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
 from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
-from fbid_gym.robots.terrain.sizes import START_SPACING
 
 __all__ = [
     "LEVELLED",
@@ -56,21 +55,15 @@ __all__ = [
     "world_of",
 ]
 
-LEVELLED = (*PATCHES, "mixed")
-"""Names of the terrains that have a difficulty."""
-
+LEVELLED = (*PATCHES, "mixed")  # names of the terrains that have a difficulty
 TERRAINS = ("flat", "obstacles", "rocks", *LEVELLED)
-"""Names of the terrains."""
+Terrain = Field | Obstacles  # ground on top of the plane z = 0
 
 _LEAST_REACH = 0.1
+_SPACING = 10.0  # of the places to start from, in reaches of the robot: 0.12 m for `quadruped`
 _HEIGHT = 0.04  # m
-
 # Share of the height of the centre of mass that feet clear with ease: on points, and on soles.
 _REACH = {True: 1.0, False: 0.2}
-
-
-Terrain = Field | Obstacles
-"""Ground on top of the plane z = 0."""
 
 
 def make_terrain(
@@ -118,7 +111,7 @@ def make_terrain(
             f"metres from 0 to {tallest:.3g}, where {robot.name!r} has its base or centre of mass",
         )
     reach, rng = _reach(robot), np.random.default_rng(seed)
-    line = START_SPACING * reach * np.array([-1.0, 0.0, 1.0])
+    line = _SPACING * reach * np.array([-1.0, 0.0, 1.0])
     starts = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     if name == "obstacles":
         return random_obstacles(reach, height, starts, rng)
@@ -126,11 +119,7 @@ def make_terrain(
 
 
 def check_height(name: str, height: float | None) -> None:
-    """Check that no height is given for a terrain whose difficulty decides.
-
-    Raises:
-        InvalidValueError: it is.
-    """
+    """Raise InvalidValueError where a height is given for a terrain whose difficulty decides."""
     if name in LEVELLED and height is not None:
         expected = f"none on terrain {name!r}, whose size follows difficulty and the robot's size"
         raise InvalidValueError("terrain_height", height, expected)
@@ -140,10 +129,7 @@ def hardest(kind: str, robot: Robot) -> float:
     """Return what difficulty 1 of a kind of patch means for a robot's feet; lower ones, less of it.
 
     That is the tangent of slopes; otherwise the height of the highest step, in heights of the
-    centre of mass at home.
-
-    Raises:
-        UnknownOptionError: no such kind, which are those of `LEVELLED` but "mixed".
+    centre of mass at home. Kinds are those of `LEVELLED` but "mixed".
     """
     if kind not in PATCHES:
         raise UnknownOptionError("kind of patch", kind, PATCHES)

@@ -11,6 +11,10 @@ from fbid_gym.robots.mjcf import unused
 from fbid_gym.robots.scene import add_solid, collision_bits
 from fbid_gym.robots.terrain.grid import HeightGrid, plane
 
+# Of obstacles and rocks, in reaches of the robot: half the square of ground that is not level, and
+# radius of the places to start from.
+HALF_SIZE, CLEARING = 28.0, 1.8
+
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
 
 
@@ -36,8 +40,7 @@ class Tiles(NamedTuple):
         return self.kinds[row, column]
 
 
-ENDLESS = Tiles(1, np.inf)
-"""One tile that never ends."""
+ENDLESS = Tiles(1, np.inf)  # one tile that never ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,21 +67,11 @@ class Field:
         half = 0.5 * cell * (np.array(elevation.shape[::-1]) - 1.0)
         name = unused("fbid_field", (*spec.hfields, *spec.materials, *spec.textures))
         spec.add_material(name=name, rgba=[*self.colour, 1.0], specular=0.1)
-        spec.add_hfield(
-            name=name,
-            size=[*half, high - low, 0.05],
-            nrow=elevation.shape[0],
-            ncol=elevation.shape[1],
-            userdata=((elevation - low) / (high - low)).ravel(),
-        )
-        add_solid(
-            spec,
-            collision_bits(spec),
-            type=mujoco.mjtGeom.mjGEOM_HFIELD,
-            hfieldname=name,
-            pos=[*(corner + half), low],
-            material=name,
-        )
+        (rows, columns), shares = elevation.shape, ((elevation - low) / (high - low)).ravel()
+        size = [*half, high - low, 0.05]
+        spec.add_hfield(name=name, size=size, nrow=rows, ncol=columns, userdata=shares)
+        ground = {"type": mujoco.mjtGeom.mjGEOM_HFIELD, "hfieldname": name, "material": name}
+        add_solid(spec, collision_bits(spec), pos=[*(corner + half), low], **ground)
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return how high the ground is, in m, at places x and y, of any one shape, in m."""

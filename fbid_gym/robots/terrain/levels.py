@@ -12,9 +12,7 @@ from fbid_gym.robots.terrain.field import Field, Tiles, settled
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.patches import CLEARING, EDGE, PATCHES, Places
 
-NUM_LEVELS = 11
-"""Levels of a curriculum: difficulties 0, 0.1, … 1."""
-
+NUM_LEVELS = 11  # of a curriculum: difficulties 0, 0.1, … 1
 _PATCHES = 5  # along a tile's edge; robots start on the inner ones
 _CELL = 0.14  # heights of the centre of mass
 _COLOUR = (0.66, 0.62, 0.55)
@@ -28,13 +26,10 @@ class Scale(NamedTuple):
 
 
 def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Field:
-    """Make a terrain.
+    """Make a terrain with levels of these difficulties (L,), each from 0 to 1.
 
-    Args:
-        kind: one of `PATCHES`, or "mixed": patches of all of them.
-        scale: of the robot.
-        difficulties: (L,) of the levels, each from 0 to 1.
-        seed: decides what is random. What it decides is the same for all levels.
+    Its patches are of one of the kinds of `PATCHES`, or of all if "mixed". The seed decides what is
+    random, which is the same for all levels.
     """
     nodes = round(EDGE / _CELL)
     line = (np.arange(nodes + 1) / nodes - 0.5) * EDGE

@@ -9,11 +9,8 @@ import numpy as np
 
 from fbid_gym.robots.mjcf import unused
 from fbid_gym.robots.scene import add_solid, collision_bits
-from fbid_gym.robots.terrain.field import ENDLESS, Tiles
+from fbid_gym.robots.terrain.field import CLEARING, ENDLESS, HALF_SIZE, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
-from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
-
-_GEOM = mujoco.mjtGeom
 
 # In units of the robot's reach.
 _PLANKS_PER_AREA = 0.13
@@ -47,18 +44,11 @@ class Obstacles:
         bits = collision_bits(spec)
         wood = unused("fbid_plank", spec.materials)
         spec.add_material(name=wood, rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
-        for (x, y), turn, half, top in zip(
-            self.centre, self.heading, self.half, self.top, strict=True
-        ):
-            add_solid(
-                spec,
-                bits,
-                type=_GEOM.mjGEOM_BOX,
-                size=[*half, 0.5 * top],
-                pos=[x, y, 0.5 * top],
-                quat=[np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)],
-                material=wood,
-            )
+        planks = zip(self.centre, self.heading, self.half, self.top, strict=True)
+        for (x, y), turn, half, top in planks:
+            place = {"size": [*half, 0.5 * top], "pos": [x, y, 0.5 * top]}
+            place["quat"] = [np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)]
+            add_solid(spec, bits, type=mujoco.mjtGeom.mjGEOM_BOX, material=wood, **place)
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """See `Field.height`."""

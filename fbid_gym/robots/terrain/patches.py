@@ -10,12 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-EDGE = 14.0
-"""Length of a patch's edge."""
-
-CLEARING = 1.5
-"""Radius of the level place in its middle."""
-
+EDGE = 14.0  # length of a patch's edge
+CLEARING = 1.5  # radius of the level place in its middle
 # The robot's unit of length is the height of its centre of mass; of heights, what its feet clear.
 _RIM = 0.8  # width of the level strip along the edge
 _TOP = 2.0  # half the edge of the level top of a hill

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from fbid_gym.robots.terrain.field import Field, settled
+from fbid_gym.robots.terrain.field import CLEARING, HALF_SIZE, Field, settled
 from fbid_gym.robots.terrain.grid import HeightGrid
-from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
 
 # In units of the robot's reach.
 _CELL = 0.17
