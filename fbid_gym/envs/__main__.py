@@ -17,6 +17,7 @@ from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
 from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.estimation import Sensors, sensors
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Flag, Option, options_of
@@ -82,13 +83,6 @@ _VECTOR = {
     "max_episode_steps": Option("max_episode_steps", None, MOST_STEPS, True),
     "stagger": Option("stagger", False, Flag(), False),
 }
-_OF_VECTOR = {
-    "num_envs": "Number of environments.",
-    "num_threads": "Threads that step them.",
-    "max_episode_steps": "Steps after which episodes are truncated, if they have not ended before.",
-    "stagger": "Whether first episodes are truncated, evenly spread, so that robots do not end "
-    "together, as trainings of this repository do.",
-}
 
 
 def settings() -> str:
@@ -137,7 +131,7 @@ def arguments_page() -> str:
     del own["task_options"]
     section("## Of every environment", own, meanings(EnvConfig))
     parts.extend(["## What each environment sets", _SETS, settings()])
-    section("## Of `gym.make_vec` and `make_sb3`", _VECTOR, _OF_VECTOR)
+    section("## Of `gym.make_vec` and `make_sb3`", _VECTOR, meanings(RobotVectorEnv))
     parts.append(_SB3)
     parts.append("## Of the tasks")
     for name, task in TASKS.items():

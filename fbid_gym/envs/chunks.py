@@ -18,15 +18,12 @@ from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from fbid_gym.options import Flag, Whole, options_of
 from fbid_gym.runtime.config import EnvConfig
 
-NUM_ENVS = Whole(1, 65_536)
-"""So many of the humanoid take some 20 GiB."""
-
+NUM_ENVS = Whole(1, 65_536)  # so many of the humanoid take some 20 GiB
 NUM_THREADS = Whole(1, 1024)
 MOST_STEPS = Whole(1, 2**31)
-
+# Environments of a chunk: what these simulate stays in the caches from tick to tick. Fewer pay for
+# Python more often.
 _MOST_TOGETHER = 64
-"""Environments of a chunk: what these simulate stays in the caches from tick to tick. Fewer pay for
-Python more often."""
 
 
 class Chunks:
@@ -34,10 +31,6 @@ class Chunks:
 
     Physics and compiled laws leave Python's lock, so the threads overlap. What an environment
     computes does not depend on the chunk it is in.
-
-    Attributes:
-        kinds: the chunks of each robot.
-        num_steps: of a whole episode.
     """
 
     def __init__(
@@ -48,19 +41,10 @@ class Chunks:
         max_episode_steps: int | None = None,
         stagger: bool = False,
     ) -> None:
-        """Build the chunks.
+        """Build them of a config, or of one for each robot; the rest is as for `RobotVectorEnv`.
 
-        Args:
-            configs: what the environments are; or for each robot, each with its part of them.
-            num_envs: N, all together.
-            num_threads: threads that step them.
-            max_episode_steps: after which episodes are truncated if they have not ended.
-            stagger: whether the first episode of each is truncated, evenly spread over its
-                duration, so that those to come do not begin and end together.
-
-        Raises:
-            FbidError: as `EnvBatch`; or robots that cannot share an observation or an action, or
-                more of them than environments.
+        Raises FbidError as `EnvBatch` does, and for robots that cannot share an observation or an
+        action, or are more than the environments.
         """
         configs = (configs,) if isinstance(configs, EnvConfig) else tuple(configs)
         num_envs = NUM_ENVS.check("num_envs", num_envs)
@@ -73,7 +57,7 @@ class Chunks:
             expected = f"one for each of the {len(configs)} robots, or more"
             raise InvalidValueError("num_envs", num_envs, expected)
         share, each = math.ceil(threads / len(configs)), _evenly(num_envs, len(configs))
-        self.kinds = [
+        self.kinds = [  # the chunks of each robot
             [
                 EnvBatch(config, size, num_envs, most)
                 for size in _evenly(own, share * math.ceil(own / share / _MOST_TOGETHER))
@@ -109,9 +93,7 @@ class Chunks:
     def reset(self, chosen: np.ndarray | None = None, command: Any = None) -> None:
         """Start new episodes where `chosen` (N,) is true; by default first ones, everywhere.
 
-        Args:
-            chosen: (N,) bool.
-            command: of all, or one for each, see `set_command`. Default: what is drawn.
+        They follow a command, of all or one for each, see `set_command`; by default what is drawn.
         """
         self.check_open()
         asked = None if command is None else self.check_command(command)
@@ -124,12 +106,9 @@ class Chunks:
     def set_command(self, command: Any) -> None:
         """Have the environments follow a command until their episodes end, and not those drawn.
 
-        Args:
-            command: as it is observed: on a gait m/s ahead, m/s and rad/s to the left; to balance
-                the height of the base, m. One of all, or a row for each.
-
-        Raises:
-            FbidError: no such command, or a task without. Nothing was changed.
+        It is given as it is observed, one of all or a row for each: on a gait m/s ahead, m/s and
+        rad/s to the left; to balance the height of the base, m. Where there is no such command, or
+        a task without, FbidError is raised and nothing changed.
         """
         self.check_open()
         asked = self.check_command(command)
@@ -207,8 +186,7 @@ class Chunks:
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
 
-        Raises:
-            FbidError: the state is of other environments. Nothing was loaded.
+        Of one of other environments nothing is loaded, and FbidError raised.
         """
         own = self.state_dict()
         config = own.pop("config")
@@ -298,15 +276,11 @@ def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:
 def _joined(steps: list[Step]) -> Step:
     if len(steps) == 1:
         return steps[0]
-    info = {n: np.concatenate([step.info[n] for step in steps]) for n in _shared(steps)}
+    info = dict[str, np.ndarray]()
+    for name in steps[0].info:
+        parts = [step.info[name] for step in steps if name in step.info]
+        # What all tell, in arrays of the same shape: robots have so many joints, each.
+        if len(parts) == len(steps) and len({part.shape[1:] for part in parts}) == 1:
+            info[name] = np.concatenate(parts)
     whole = map(np.concatenate, zip(*(step[:-1] for step in steps), strict=True))
     return Step._make((*whole, info))
-
-
-def _shared(steps: list[Step]) -> list[str]:
-    """What all tell, in arrays of the same shape: robots have so many joints, each."""
-    return [
-        name
-        for name, value in steps[0].info.items()
-        if all(name in s.info and s.info[name].shape[1:] == value.shape[1:] for s in steps)
-    ]

@@ -77,14 +77,9 @@ class Climb:
     ) -> dict[str, np.ndarray]:
         """Count a step; an episode that ends with it decides on the level of the next.
 
-        Args:
-            error: (N,) m/s, of the velocity.
-            tolerance: m/s, mean error up to which a robot follows its commands.
-            fell: (N,) bool, whose episode ends so.
-            lasted: (N,) bool, whose episode ends otherwise.
-
-        Returns:
-            What the info says: the levels (N,) of the step.
+        With a mean `error` (N,) m/s of the velocity up to the tolerance a robot follows its
+        commands. Episodes end by a fall, or otherwise: (N,) bool. Returns what the info says, the
+        levels (N,) of the step.
         """
         told = {f"{name}_level": self.level.copy() for name in self.names}
         level, total, steps, ended = self.arrays.values()

@@ -1,20 +1,19 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fbid_gym.actions import ActionLayer
+from fbid_gym.envs import saved
 from fbid_gym.envs.curriculum import Climb
-from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
-from fbid_gym.envs.moment import Moment
 from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.policy_step import Step
-from fbid_gym.envs.saved import check_bounds, gathered, give_back, rows_of, under
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import RobotState, some_of
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import EnvConfig
@@ -27,54 +26,48 @@ from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
 
-class EnvBatch:
-    """N environments without any notion of vector API: reset some, step all.
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a layer would see of one robot if it were asked now; each in one row.
 
-    Attributes:
-        config: what they are.
-        robot: the robot.
-        task: the task.
-        terrain: the ground.
-        simulation: the physics.
-        loop: task and layer at work.
-        reward_terms: the table of the reward, as it was asked for.
-        observation_groups: the table of the observation.
-        num_steps: of a whole episode.
-        perception: sensors and estimator of the robots; None where sensors are perfect.
-        notes: what was changed of the robot's file, and what is assumed beside it.
-        limits: (N,) steps after which the present episodes are truncated; those of `stagger` fewer.
-        observation_names: what each entry of the observation is, with its unit.
-        observation_columns: name of a group -> where in an observation it is.
-        observation_bound: (O,) largest size of each entry; observations are clipped to it.
+    All are copies: whoever computes with them changes no robot.
     """
+
+    action: np.ndarray  # (1, A) of the layer, the one that held last; zeros before the first
+    state: RobotState  # of the robot
+    target: Target  # what the task asks for
+    terms: DynamicsTerms  # of the controller's model
+    actual: DynamicsTerms  # of the robot itself
+    memory: Memory  # of the layer
+    # (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN before the first.
+    acceleration: np.ndarray
+
+
+class EnvBatch:
+    """N environments without any notion of vector API: reset some, step all."""
 
     def __init__(
         self, config: EnvConfig, num_envs: int, of: int | None = None, most: int | None = None
     ) -> None:
         """Build the environments; reset them all before the first step.
 
-        Args:
-            config: what they are.
-            num_envs: how many.
-            of: how many they are together with those of other batches; None: there are no others.
-            most: steps of an episode, if they are fewer than fit in its seconds.
-
-        Raises:
-            FbidError: arguments that no environment has, or episodes that take more memory, all
-                batches together, than they may.
+        With other batches they are so many (`of`); episodes have so many steps at `most`. Raises
+        FbidError for arguments that no environment has, or episodes that take more memory, all
+        batches together, than they may.
         """
         self.config, num_envs = config, int(num_envs)
         self.rates = config.rates()
         self.robot = config.load_robot()
         self.terrain, world = config.ground(undrawn(self.robot))
         self.task = config.make_task(self.robot).on(self.terrain.grid.heights)
-        self.reward_terms = config.reward_terms(self.task)
+        self.reward_terms = config.reward_terms(self.task)  # as it was asked for
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation, sensors = config.randomisations(), config.perceived()
         self._tick = np.zeros(num_envs, np.int64)
+        # Sensors and estimator; and what was changed of the robot's file, or is assumed beside it.
         self.perception, self.notes = None, self.robot.notes
         if sensors is not None:
             self.perception = Perception(self.robot, sensors, self.rates.control, self._tick)
@@ -85,6 +78,7 @@ class EnvBatch:
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
         self.num_steps = min(self.num_steps, most or self.num_steps)
+        # Steps after which the present episodes are truncated; those of `stagger` are fewer.
         self.limits = np.full(num_envs, self.num_steps)
 
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
@@ -98,9 +92,11 @@ class EnvBatch:
         self.observer = Observer(self.task, *kind, estimator, chance)
         own = config, self.task, drawn, simulation.terms(), self.observer
         self.loop = ControlLoop(*own, longest)
+        # What each entry is, with its unit, and its largest size: observations are clipped to it.
         self.observation_groups = self.observer.groups
         self.observation_names, self.observation_bound = self.observer.names, self.observer.bound
-        self.observation_columns = self.observer.columns
+        self.observation_columns = self.observer.columns  # of groups, by their names
+        self.action_names = self.loop.action_names  # of the layer, then what is added
         self._plan = self.loop.plan
         where = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*where, simulation.contact_force, self._tick)
@@ -124,11 +120,6 @@ class EnvBatch:
     def layer(self) -> ActionLayer:
         """The action layer."""
         return self.loop.layer
-
-    @property
-    def action_names(self) -> tuple[str, ...]:
-        """What each entry of the action commands: of the layer, then what is added."""
-        return self.loop.action_names
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own, and begin its curriculum anew."""
@@ -349,16 +340,16 @@ class EnvBatch:
         (action, steering, _), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
         self._look()
-        state, planned = some_of(self._known, only), rows_of(self.loop.planned, only)
+        state, planned = some_of(self._known, only), saved.rows_of(self.loop.planned, only)
         now = Now(state, lambda: terms, some_of(steering, only), planned, lambda: actual)
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
             action=action[only],
             state=state,
-            target=self.task.target(rows_of(self._plan, only), now),
+            target=self.task.target(saved.rows_of(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=rows_of(self.loop.memory, only),
+            memory=saved.rows_of(self.loop.memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -367,17 +358,17 @@ class EnvBatch:
 
         One row per environment in each array.
         """
-        own = {"simulation": self.simulation.state_dict(), "plant": self.plant.state_dict()}
-        state = gathered(own | self._remembered())
+        state = saved.gathered(self._remembered())
         state |= {"tick": self._tick.copy(), "torque": self._effort.torque.copy()}
-        state["limits"] = self.limits.copy()
-        state["observation"] = self.observation()
-        state["generator"] = np.array([packed(rng) for rng in self._rngs], np.uint64)
+        state |= {"limits": self.limits.copy(), "observation": self.observation()}
+        state["generator"] = np.array([saved.packed(rng) for rng in self._rngs], np.uint64)
         return state
 
     def _remembered(self) -> dict[str, Mapping[str, np.ndarray]]:
-        """What goes on from step to step beside the physics, by its part of a state; live."""
+        """What goes on from step to step, by its part of a state; live."""
         return {
+            "simulation": self.simulation.arrays,
+            "plant": self.plant.arrays,
             "plan": self._plan,
             "memory": self.loop.memory,
             "planned": self.loop.planned,
@@ -399,19 +390,21 @@ class EnvBatch:
             "simulation.loop_ticks": self.simulation.loop.most_ticks,
             "progress.level": self._progress.levels - 1,
             "planned.carrier": self.robot.num_feet - 1,
-            "generator": MOST_NUMBERS,
+            "generator": saved.MOST_NUMBERS,
         }
         if self.perception is not None:
             most |= {f"perception.{k}": v for k, v in self.perception.greatest.items()}
-        check_bounds(state, most)
+        saved.check_bounds(state, most)
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` that has been checked, bit for bit."""
-        self.plant.load_state_dict(under("plant", state))
-        self.simulation.load_state_dict(under("simulation", state))
-        give_back(self._remembered(), state)
+        parts = self._remembered()
+        saved.give_back({"plant": parts["plant"]}, state)
+        self.plant.apply(np.arange(self.num_envs))  # what is simulated decides on what it computes
+        saved.give_back(parts, state)
+        self.simulation.go_on()
         self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
         self.limits[:] = state["limits"]
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
-        self._rngs = [unpacked(row) for row in state["generator"]]
+        self._rngs = [saved.unpacked(row) for row in state["generator"]]

@@ -10,8 +10,7 @@ import numpy as np
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.dynamics.contacts import point_jacobian, point_positions
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
-from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.moment import Moment
+from fbid_gym.envs.env_batch import EnvBatch, Moment
 from fbid_gym.quantities import ContactGeometry, Memory
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull

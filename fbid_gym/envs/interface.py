@@ -24,15 +24,7 @@ METADATA: dict[str, Any] = {
 
 
 class Interface:
-    """What they have in common.
-
-    Attributes:
-        config: what they are.
-        robot: the robot; of several the first.
-        observation_names: what each entry of an environment's observation is, with its unit.
-        action_names: what each entry of its action commands, with its scale and unit.
-        drawn_over: what is drawn over the robots.
-    """
+    """What they have in common."""
 
     config: EnvConfig
     metadata: dict[str, Any]
@@ -41,13 +33,9 @@ class Interface:
     def _present(
         self, config: EnvConfig, drawing: Drawing, batch: EnvBatch, **around: Any
     ) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-        """Set all of them; return the spaces of observations and of actions of one environment.
+        """Show some of them as all; return spaces of observations and actions of one environment.
 
-        Args:
-            config: what they are.
-            drawing: how they are drawn.
-            batch: some of them.
-            **around: other arguments of the constructor.
+        Of several robots it is the first; what is `around` are other arguments of the constructor.
         """
         self._renderer = RobotRenderer(drawing, batch.robot)
         self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode

@@ -52,9 +52,8 @@ class Mirrored(NamedTuple):
 def mirrored(batch: EnvBatch) -> Mirrored:
     """Return what the mirror makes of the observations and actions of environments.
 
-    Raises:
-        RobotError: the robot has no mirror symmetry.
-        InvalidValueError: an entry of which is not known what it is in the mirror.
+    Raises RobotError for a robot without mirror symmetry, InvalidValueError for an entry of which
+    is not known what it is in the mirror.
     """
     names = _Names.of(batch)
     return Mirrored(

@@ -54,15 +54,9 @@ def turn_motors(
     solved exactly, whose mean over the step acts; the limit once more, for the speed has changed
     since; the battery. A robot whose torques are no numbers gets none, and is lost.
 
-    Args:
-        wiring: of the robots.
-        drives: their motors.
-        motors: updated.
-        effort: updated, but for the power: the torques are those that act.
-        wanted: (N, n) N·m, of the action layer.
-        push: (N, 3) N.
-        seconds: of the step.
-        share: of a control tick, that the step is.
+    The layer has `wanted` (N, n) N·m, and bases get a `push` (N, 3) N, for so many seconds, which
+    are a share of a control tick. Updates `motors`, and `effort` but for the power: its torques are
+    those that act.
     """
     rows, joints = wiring.rows, wanted.shape[1]
     warming = 1.0 - math.exp(-seconds / drives.thermal_time)

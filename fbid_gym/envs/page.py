@@ -196,13 +196,7 @@ def option_table(
     about: Mapping[str, str],
     derived: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return a table of options.
-
-    Args:
-        options: by name.
-        about: name -> what it means.
-        derived: name -> what None is here.
-    """
+    """Return a table of options, with what each means (`about`), and what None is here."""
     rows = []
     for name, option in options.items():
         takes = option.kind.words if option.kind is not None else "see its meaning"

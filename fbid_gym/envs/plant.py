@@ -33,9 +33,6 @@ class Plant:
     a second batch that only computes dynamics terms, without any contact: so this costs less than
     the position and velocity stages of the simulation. It is also what terms come from where
     controllers have but an estimate of the state.
-
-    Attributes:
-        action_delay: (N,) s, from the choice of an action to its arrival at the action layer.
     """
 
     def __init__(
@@ -47,7 +44,9 @@ class Plant:
         """Draw from the ranges of `randomisation`; controllers know the state, or its estimate."""
         self._simulation, self._ranges = simulation, randomisation
         count = simulation.num_robots
-        self._drawn: dict[str, np.ndarray] = {}
+        # As drawn of the robots and of the controllers' model, by its name in a state.
+        self.arrays: dict[str, np.ndarray] = {}
+        # s, from the choice of an action to its arrival at the action layer.
         self.action_delay = np.zeros(count)
         self._apart = randomisation.any or estimate is not None
         if not self._apart:
@@ -66,7 +65,7 @@ class Plant:
         if not randomisation.any:
             return
         bodies = (count, model.nbody)
-        self._drawn = {
+        self.arrays = {
             "mass": np.ones(bodies),
             "com": np.zeros((*bodies, 3)),
             "friction": np.ones(count),
@@ -85,31 +84,32 @@ class Plant:
     @property
     def drawn(self) -> dict[str, np.ndarray]:
         """What was drawn of the robots, not of the controllers' model: (N, ...) by name; live."""
-        return {name: value for name, value in self._drawn.items() if "model" not in name}
+        return {name: value for name, value in self.arrays.items() if "model" not in name}
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw the parameters of one robot for its next episode."""
-        if not self._drawn:
+        if not self.arrays:
             return
-        ranges, bodies = self._ranges, self._drawn["mass"].shape[1]
+        ranges, bodies = self._ranges, self.arrays["mass"].shape[1]
         for name, scale in (("mass", ranges.mass), ("model_mass", ranges.model_mass)):
-            self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
+            self.arrays[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
         for name, size in (("com", ranges.com), ("model_com", ranges.model_com)):
-            self._drawn[name][env] = rng.uniform(-size, size, (bodies, 3))
+            self.arrays[name][env] = rng.uniform(-size, size, (bodies, 3))
         for name in _RANGES:
             least, most = getattr(ranges, name)
-            self._drawn[name][env] = rng.uniform(least, most, self._drawn[name].shape[1:])
+            self.arrays[name][env] = rng.uniform(least, most, self.arrays[name].shape[1:])
         for name in _YOUNGER:
             least, most = getattr(ranges, name)
-            self._drawn[name][env] = rng.uniform(least, most) if least < most else least
+            self.arrays[name][env] = rng.uniform(least, most) if least < most else least
         if ranges.payload[1] > 0.0:
-            self._drawn["payload_place"][env] = rng.uniform(-1.0, 1.0, 2)
+            self.arrays["payload_place"][env] = rng.uniform(-1.0, 1.0, 2)
 
     def apply(self, ids: np.ndarray) -> None:
         """Give the robots `ids` (K,) their drawn parameters."""
-        if not self._drawn:
+        if not self.arrays:
             return
-        simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
+        simulated, batch = self._simulation.model, self._simulation.batch
+        drawn = {name: value[ids] for name, value in self.arrays.items()}
         robot, com = self._simulation.robot, drawn["com"]
         mass, base = drawn["mass"] * drawn["total_mass"][:, None], robot.base_body
         welded = np.flatnonzero(simulated.body_weldid == simulated.body_weldid[base])
@@ -119,31 +119,29 @@ class Plant:
         away = _OFF_CENTRE * Stance.of(robot).radius * drawn["payload_place"]
         com[:, base] += (load / (1.0 + load))[:, None] * (away @ base_from_trunk(robot)[:, :2].T)
         mass[:, base] *= 1.0 + load
-        _weigh(self._simulation.batch, simulated, ids, mass, mass, com)
+        _weigh(batch, simulated, ids, mass, mass, com)
         mass = drawn["model_mass"] * drawn["model_total_mass"][:, None]
         inertia, com = mass * drawn["model_inertia"][:, None], drawn["model_com"]
         ahead = base_from_trunk(robot)[:, 0]
         com[:, robot.base_body] += drawn["model_com_ahead"][:, None] * ahead
-        _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
+        _weigh(self._believed, robot.model, ids, mass, inertia, com)
         self._simulation.loop.begin(ids, drawn["loop_delay"])
         if (motors := self._simulation.motors) is not None:
             motors.speed[ids], motors.lag[ids] = drawn["motor_speed"], drawn["motor_lag"]
         # A motor whose gear is larger gives more torque for the same control, and a joint lets as
         # much more through.
-        for field, index in (
-            ("actuator_gear", self._simulation.robot.actuator),
-            ("jnt_actfrcrange", moving_joints(self._simulation.robot.model)),
-        ):
+        joints = np.array(moving_joints(robot.model))
+        for field, index in (("actuator_gear", robot.actuator), ("jnt_actfrcrange", joints)):
             nominal = getattr(simulated, field)
             strength = np.ones((len(ids), len(nominal), 1))
             strength[:, index, 0] = drawn["motor_strength"]
-            self._simulation.batch.expand(field)[ids] = nominal * strength
+            batch.expand(field)[ids] = nominal * strength
         # Sliding has one number of a geom and two of a pair.
         for field, sliding in (("geom_friction", slice(1)), ("pair_friction", slice(2))):
             nominal = getattr(simulated, field)
             scaled = np.tile(nominal, (len(ids), 1, 1))
             scaled[:, :, sliding] *= drawn["friction"][:, None, None]
-            self._simulation.batch.expand(field)[ids] = scaled
+            batch.expand(field)[ids] = scaled
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:
@@ -155,16 +153,6 @@ class Plant:
             self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
             self._seen, self._terms = self._simulation.changes, self._live()
         return self._terms
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Return copies of the drawn parameters."""
-        return {name: value.copy() for name, value in self._drawn.items()}
-
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Give all robots the parameters of a `state_dict`."""
-        for name, value in self._drawn.items():
-            value[:] = state[name]
-        self.apply(np.arange(self._simulation.num_robots))
 
 
 def _weigh(

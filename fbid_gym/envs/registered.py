@@ -14,12 +14,8 @@ from fbid_gym.runtime.config import AROUND, EnvConfig
 def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return what the arguments of a registered environment mean today, as JSON can hold it.
 
-    Args:
-        env_id: a Gymnasium id.
-        arguments: as for `gym.make`. How an environment is drawn or stepped is left out.
-
-    Returns:
-        `EnvConfig.resolved()`, or None where the environment is not one of ours.
+    They are as for `gym.make`; how an environment is drawn or stepped is left out. None where it is
+    not one of ours.
     """
     if not env_id.startswith("fbid_gym/") or env_id not in gym.registry:
         return None
@@ -28,10 +24,6 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
 
 
 def registered(env_id: Any) -> EnvSpec:
-    """Return what is registered under an id of this package, or of a user with its environments.
-
-    Raises:
-        UnknownOptionError: there is no such id.
-    """
+    """Return what is registered under an id of this package, or of a user with its environments."""
     ours = {name: spec for name, spec in gym.registry.items() if spec.entry_point == ENTRY_POINT}
     return ours[Choice(ours, "environment id").check("env_id", env_id)]

@@ -18,9 +18,7 @@ from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offsc
 from fbid_gym.runtime.config import Drawing
 
 _ARROW_COLOUR = (0.9, 0.25, 0.1, 1.0)
-DISTANCE = 2.5
-"""Of the camera, in the robot's size."""
-
+DISTANCE = 2.5  # of the camera, in the robot's size
 # Shares of that size: the arrow of a push of the robot's weight, its width, and how far from the
 # base's centre it ends, so that the trunk does not hide it.
 _ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 1.0, 0.0225, 0.4
@@ -35,11 +33,7 @@ class RobotRenderer:
     """
 
     def __init__(self, drawing: Drawing, robot: Robot) -> None:
-        """Open nothing yet: the window or the context appears with the first picture.
-
-        Raises:
-            FbidError: options or a camera that do not exist.
-        """
+        """Check options and camera; the window or the context appears with the first picture."""
         self.shown = RenderOptions.of(by_name("render_options", drawing.render_options))
         self.mode, self._drawing = drawing.render_mode, drawing
         self._fixed = _camera(drawing, robot.model)
@@ -138,9 +132,8 @@ def add_push(scene: mujoco.MjvScene, centre: np.ndarray, force: np.ndarray, size
     strength = float(np.linalg.norm(force))
     if strength > 0.0:
         end = centre - force / strength * _ARROW_GAP * size
-        add_arrow(
-            scene, end - force * _ARROW_LENGTH * size, end, _ARROW_WIDTH * size, _ARROW_COLOUR
-        )
+        start = end - force * _ARROW_LENGTH * size
+        add_arrow(scene, start, end, _ARROW_WIDTH * size, _ARROW_COLOUR)
 
 
 def _add(scene: mujoco.MjvScene, mark: Mark, pixels: float) -> None:

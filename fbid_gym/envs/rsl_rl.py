@@ -19,10 +19,8 @@ class RslRlVecEnv(VecEnv):
     All that is observed is one group, "policy"; observations for robots have "critic" as another.
 
     `extras` has "time_outs" (N,) of episodes that were truncated, and in "log" the mean over the
-    robots of each number that `gym.make_vec` gives: terms of the reward, metrics, levels.
-
-    Attributes:
-        envs: what `gym.make_vec` makes.
+    robots of each number that `gym.make_vec` gives: terms of the reward, metrics, levels. `envs` is
+    what that makes.
     """
 
     def __init__(self, envs: RobotVectorEnv, seed: int | None, device: str) -> None:

@@ -101,11 +101,7 @@ class SB3VecEnv(VecEnv):
         return {"returns": self._returns, "lengths": self._lengths}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
-        """Continue from a `state_dict` of as many environments of the same kind.
-
-        Raises:
-            FbidError: the state is of other environments. Nothing was loaded.
-        """
+        """Continue from a `state_dict`, or raise FbidError as that of `Chunks`."""
         own = self._own()
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}

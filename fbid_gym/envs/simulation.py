@@ -19,9 +19,8 @@ from fbid_gym.robots.drives import drives_of
 from fbid_gym.runtime.effort import Effort
 from fbid_gym.runtime.rates import Rates
 
+# Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged.
 MAX_SPEED = 500.0
-"""Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
-
 _ALL, _VELOCITY = slice(None), int(mujoco.mjtStage.mjSTAGE_VEL)
 _STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
 _WARN = mujoco.mjtWarning
@@ -31,42 +30,24 @@ _DIVERGENCE = np.array(
 
 
 class Simulation:
-    """N robots, stepped on the calling thread. They do not meet: each has a world of its own.
-
-    Attributes:
-        robot: the robot.
-        model: what is simulated; the robot comes first in every list.
-        batch: MuJoCo's batch; its position- and velocity-dependent fields are always current.
-        qpos: (N, nq) and
-        qvel: (N, nv), live; the robot's.
-        contact_force: (N, P, 3) N, world, of the ground on each contact point, last physics step.
-        loop: delays torques on their way to the motors, by nothing unless it is replaced.
-        motors: what goes on in the motors; None of ideal ones.
-        changes: how often the state has changed.
-    """
+    """N robots, stepped on the calling thread. They do not meet: each has a world of its own."""
 
     def __init__(
         self, robot: Robot, num_robots: int, rates: Rates, world: mujoco.MjModel | None = None
     ) -> None:
-        """Build N copies of the robot's world.
+        """Build N copies of the robot's world; by default the robot alone on its ground.
 
-        Args:
-            robot: the robot.
-            num_robots: N.
-            rates: physics and control steps per second.
-            world: compiled from a copy of `robot.spec` to which other bodies were added. Default:
-                the robot alone on its ground.
-
-        Raises:
-            RobotError: the world does not begin with the robot.
+        Others are compiled from a copy of `robot.spec` to which bodies were added: RobotError where
+        a world does not begin with the robot.
         """
         model = copy.copy(robot.model if world is None else world)
         _check_world(robot, model)
         model.opt.timestep = 1.0 / rates.physics
-        self.robot, self.model = robot, model
+        self.robot, self.model, self.num_robots = robot, model, num_robots
+        # Its position- and velocity-dependent fields are always current.
         self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
-        self.qpos = self.batch.bind("qpos")[:, : robot.nq]
-        self.qvel = self.batch.bind("qvel")[:, : robot.nv]
+        self.qpos = self.batch.bind("qpos")[:, : robot.nq]  # live
+        self.qvel = self.batch.bind("qvel")[:, : robot.nv]  # live
         self._substeps, self._geometry = rates.substeps, Stance.of(robot).geometry
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
         self._shape = num_robots, robot.num_joints
@@ -88,25 +69,22 @@ class Simulation:
             gear=robot.gear,
         )
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
+        # (N, P, 3) N, world, of the ground on each contact point in the last physics step.
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
         self._stale = np.ones(num_robots, bool)  # whose terms are those of an earlier state
+        # Delays torques on their way to the motors, by nothing unless it is replaced.
         self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
         self._drives, self._motors = drives_of(robot), MotorState.cold(*self._shape)
         self.motors = None if robot.drives is None else self._motors
         turns = 1 if self.motors is None else self._substeps
         steps = self._substeps // turns
         self._turns, self._turn = turns, (steps, steps / rates.physics, 1.0 / turns)
-        self.changes = 0
+        self.changes = 0  # of the state
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
         self.contact_force[:] = self._sensors
-
-    @property
-    def num_robots(self) -> int:
-        """Number of robots N."""
-        return len(self.qpos)
 
     def terms(self) -> DynamicsTerms:
         """Return the dynamics at the current state, in arrays that the next state's overwrite."""
@@ -159,14 +137,11 @@ class Simulation:
         self.contact_force[:] = self._sensors
 
     def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
-        """Push all robots and advance them one control tick, as `push` and `step` do.
+        """Push all robots by (N, 3) N and advance them one control tick, as `push` and `step` do.
 
-        Args:
-            torque: (N, n) N·m; limited here. A robot whose torques are no numbers gets none.
-            push: (N, 3) N on the bases.
-            effort: of the motors; added to.
-            state: of all robots, in arrays of its own but for `contact_force`, which is the
-                simulation's; updated.
+        Torques (N, n) N·m are limited here; a robot whose torques are no numbers gets none. Adds to
+        the effort of the motors, and updates the state of all robots, whose arrays are its own but
+        for `contact_force`, which is the simulation's.
         """
         torque = self.loop.arriving(torque, state.tick)
         steps, seconds, share = self._turn
@@ -190,19 +165,14 @@ class Simulation:
         """
         return find_diverged(self._wiring, _DIVERGENCE, self.robot.nv, MAX_SPEED)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Return copies of all that the future depends on."""
-        return {name: value.copy() for name, value in self._arrays().items()}
-
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Continue from a `state_dict`, bit for bit."""
-        for name, value in self._arrays().items():
-            value[:] = state[name]
+    def go_on(self) -> None:
+        """Continue from what was written to `arrays`, bit for bit."""
         self.batch.forward(stage=_VELOCITY)
         hush(self.batch, np.arange(self.num_robots))
         self.note_change()
 
-    def _arrays(self) -> dict[str, np.ndarray]:
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
         """All that the future depends on, by its name in a state; live."""
         motors = {} if self.motors is None else self.motors._asdict()
         waiting = self.loop.arrays if self.loop.most_ticks else {}

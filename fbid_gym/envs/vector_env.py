@@ -23,18 +23,17 @@ class RobotVectorEnv(Interface, VectorEnv):
 
     Environment i of `reset(seed=s)` gives the same numbers as `RobotEnv` with seed s + i.
 
-    Arguments beyond those of `RobotEnv`:
+    It takes the arguments of `RobotEnv`, too. First episodes are those of `reset()` without a mask.
 
-    | Argument         | Default     | Meaning                                              |
-    | ---------------- | ----------- | ---------------------------------------------------- |
-    | `num_envs`       |             | Number of environments.                              |
-    | `robots`         | None        | Instead of `robot` a list, see `fbid_gym.robots.several`: |
-    |                  |             | so many environments of each, one after the other.   |
-    | `num_threads`    | 1           | Threads that step them.                              |
-    | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
-    | `max_episode_steps` | None     | Steps after which episodes are truncated at the latest. |
-    | `stagger`        | False       | Truncates first episodes, evenly spread, so that robots |
-    |                  |             | do not end together; those of `reset()` without a mask. |
+    Args:
+        num_envs: Number of environments.
+        robots: Instead of `robot` a list, see `fbid_gym.robots.several`: so many environments of
+            each, one after the other.
+        num_threads: Threads that step them.
+        autoreset_mode: `gymnasium.vector.AutoresetMode`, or its name.
+        max_episode_steps: Steps after which episodes are truncated, if they have not ended before.
+        stagger: Whether first episodes are truncated, evenly spread, so that robots do not end
+            together, as trainings of this repository do.
     """
 
     def __init__(
@@ -56,17 +55,11 @@ class RobotVectorEnv(Interface, VectorEnv):
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.chunks = Chunks(configs, num_envs, num_threads, max_episode_steps, stagger)
         self.robots = tuple(kind[0].robot for kind in self.chunks.kinds)
-        self.single_observation_space, self.single_action_space = self._present(
-            configs[0],
-            drawing,
-            self.chunks.batches[0],
-            robots=None if robots is None else listed,
-            num_envs=num_envs,
-            num_threads=num_threads,
-            autoreset_mode=self.autoreset_mode,
-            max_episode_steps=max_episode_steps,
-            stagger=stagger,
-        )
+        around: dict[str, Any] = {"num_envs": num_envs, "num_threads": num_threads}
+        around |= {"autoreset_mode": self.autoreset_mode, "max_episode_steps": max_episode_steps}
+        around |= {"robots": None if robots is None else listed, "stagger": stagger}
+        spaces = self._present(configs[0], drawing, self.chunks.batches[0], **around)
+        self.single_observation_space, self.single_action_space = spaces
         rest_of_them = (RobotRenderer(drawing, robot) for robot in self.robots[1:])
         self._renderers = (self._renderer, *rest_of_them)
         self.num_envs = num_envs = self.chunks.num_envs
@@ -125,11 +118,7 @@ class RobotVectorEnv(Interface, VectorEnv):
         self._renderer.check_display()
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method of all environments, or get an attribute that they share.
-
-        Returns:
-            What it gives for each; `render` gives each its own.
-        """
+        """Return what a method, or an attribute that they share, gives for each environment."""
         if name == "render":
             return self.render() or (None,) * self.num_envs
         found = getattr(self, name)
@@ -217,9 +206,7 @@ class RobotVectorEnv(Interface, VectorEnv):
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    if isinstance(mode, AutoresetMode):
-        return mode
     for known in AutoresetMode:
-        if isinstance(mode, str) and mode in (known.name, known.value):
+        if mode is known or (isinstance(mode, str) and mode in (known.name, known.value)):
             return known
     raise UnknownOptionError("autoreset_mode", mode, [known.name for known in AutoresetMode])

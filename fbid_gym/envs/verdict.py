@@ -47,10 +47,8 @@ def verdict(robot: Robot) -> Iterator[str]:
 def by_policy(robot: Robot, policy: Policy) -> str:
     """Say how a robot does by a policy of bodies, beside the zero action of its layer.
 
-    As `verdict` says it of layers, in the policy's own environment.
-
-    Raises:
-        FbidError: a policy that sees joints or acts on other feet, or a robot that cannot walk.
+    As `verdict` says it of layers, in the policy's own environment. Raises FbidError for a policy
+    that sees joints or acts on other feet, and for a robot that cannot walk.
     """
     if not sees_the_body(policy):
         seen = policy.env_args.get("observation", "full")

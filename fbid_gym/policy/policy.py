@@ -179,8 +179,7 @@ class Policy:
     ) -> None:
         """Check that the policy fits an environment; what is None is not checked.
 
-        Raises:
-            PolicyFileError: it was made for another environment, names both.
+        Raises PolicyFileError for one that was made for another, and names both.
         """
         if self.leads and observation_size is not None:
             observation_size = min(observation_size, self.observation_size)

@@ -29,9 +29,7 @@ def place_of(source: str | Path) -> Path:
     """Return the file of a shipped policy by its name, else the path itself.
 
     Where the arm of a name is that of one policy alone, it is enough: `shipped:any-quadruped`.
-
-    Raises:
-        UnknownOptionError: no policy of that name is shipped.
+    Raises UnknownOptionError where no policy of that name is shipped.
     """
     name = str(source)
     if not name.startswith(PREFIX):
@@ -59,12 +57,8 @@ def shelved(folder: Path) -> dict[str, Path]:
 def read_policy(path: Path) -> tuple[Path, Bundle]:
     """Read the policy in a file, in a run folder, or in a folder of before.
 
-    Returns:
-        The file, for messages, and what it holds: no format, and the entries of format 3.
-
-    Raises:
-        PolicyFileError: there is none, or it is truncated, corrupt or of an unknown format; names
-            the file.
+    Returns the file, for messages, and what it holds: no format, and the entries of format 3.
+    PolicyFileError names a file that is not there, truncated, corrupt or of an unknown format.
     """
     for folder in (path, path / "policy"):
         # First, as arrays of before have the name that policies have now.

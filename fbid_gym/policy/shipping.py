@@ -52,8 +52,7 @@ class Shipped(NamedTuple):
 def shipped(folder: Path | None = None) -> tuple[Shipped, ...]:
     """Return the policies that come with the package, or in a folder like theirs, by name.
 
-    Raises:
-        PolicyFileError: one is damaged, or has no card.
+    Raises PolicyFileError where one is damaged, or has no card.
     """
     found = []
     for name, file in policy_file.shelved(folder or policy_file.shelf()).items():
