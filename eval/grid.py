@@ -82,8 +82,8 @@ def tiled(
 ) -> list[np.ndarray]:
     """Return films side by side, row by row; one that ends before others stays at its last picture.
 
-    Films are pictures (height, width, 3) uint8 by their titles, and `size` is that of one in the
-    result, width and height.
+    `films` has pictures (height, width, 3) uint8 by title; `size` is the width and height of each
+    film in the result.
     """
     columns = min(columns, len(films))
     rows, (width, height) = -(-len(films) // columns), size

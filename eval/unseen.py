@@ -10,7 +10,7 @@ from fbid_gym.errors import RunError
 def check_unseen(first: int, episodes: int, config: Mapping[str, Any], folder: Path) -> None:
     """Raise RunError where a training was evaluated from seeds that are to be measured from.
 
-    These are `first` and the next, one for each episode.
+    The measurement begins with seed `first`, and each episode has the next one.
     """
     own = config.get("eval", {})
     begin, number = own.get("seed", 0), own.get("episodes", 0) if own.get("every") else 0

@@ -13,8 +13,9 @@ it takes three fifths of a narrow window."""
 def view(size: float, height: float, aspect: float, fov: float) -> tuple[np.ndarray, np.ndarray]:
     """Return from where robots are seen whole, and where to look, (3,) m each from their middle.
 
-    They are of a size, their bases at a height, both m; the picture has an aspect, width to height,
-    and a vertical field of view, rad. A high one is of a phone: the panel lies over it.
+    `size` is that of the robots and `height` that of their bases, m; `aspect` is the width of the
+    picture over its height, `fov` its vertical field of view, rad. On a phone the picture is high,
+    and the panel lies over it.
     """
     aim = np.array([0.0, 0.0, _AIM * height])
     position = _AWAY * size

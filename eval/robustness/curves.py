@@ -126,8 +126,8 @@ def measure(
 ) -> Robustness:
     """Play every arm along every factor.
 
-    What is the same at two values, such as the nominal ones of all factors, is played once; factors
-    that the environment of the arms does not have are left out.
+    Equal conditions, such as the nominal values of all factors, are played once; factors that the
+    environment of the arms does not have are left out.
 
     Raises:
         FbidError: arguments of an environment that are not valid, or a policy that does not fit;

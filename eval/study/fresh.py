@@ -140,8 +140,9 @@ def levels(study: Study) -> dict[str, Played]:
 def kept(study: Study) -> tuple[dict[str, Played], list[str]]:
     """Return what is kept of the policies of a study that are at their end, by the name of the run.
 
-    It is of those whose policy is still the one that played; there are warnings where others were
-    measured, too, or by different states of the code. RunError where it cannot be read.
+    Only policies that have not changed since they were measured count. Returns warnings, too, if
+    others were measured, or if the code changed in between. Raises RunError if the file cannot be
+    read.
     """
     rows = _rows(fresh_file(study))
     found, changed, commits = {}, [], set()

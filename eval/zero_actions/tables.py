@@ -399,8 +399,8 @@ def _shared(config: ZeroActionConfig, table: Table) -> Row:
 def environment(robot: Robot, own: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of the environment of a robot: that of two feet, or of more.
 
-    Of the arguments that differ, "env" is the name of a walking environment, None for none, and
-    "version" its version. What varies goes beside what the environment varies.
+    `own` are the arguments that differ from it. There "env" names a walking environment, or is
+    None, and "version" is its version; "randomisation" is added to that of the environment.
 
     Raises:
         FbidError: it has no such gait, or there is no such environment.

@@ -41,10 +41,10 @@ class Chunks:
         max_episode_steps: int | None = None,
         stagger: bool = False,
     ) -> None:
-        """Build them of a config, or of one for each robot; the rest is as for `RobotVectorEnv`.
+        """Build the chunks from one config, or from one for each robot.
 
-        Raises FbidError as `EnvBatch` does, and for robots that cannot share an observation or an
-        action, or are more than the environments.
+        The other arguments are those of `RobotVectorEnv`. Raises FbidError as `EnvBatch` does, and
+        where robots share no observation or action, or outnumber the environments.
         """
         configs = (configs,) if isinstance(configs, EnvConfig) else tuple(configs)
         num_envs = NUM_ENVS.check("num_envs", num_envs)
@@ -93,7 +93,7 @@ class Chunks:
     def reset(self, chosen: np.ndarray | None = None, command: Any = None) -> None:
         """Start new episodes where `chosen` (N,) is true; by default first ones, everywhere.
 
-        They follow a command, of all or one for each, see `set_command`; by default what is drawn.
+        They follow `command`, as `set_command` takes it; by default commands are drawn.
         """
         self.check_open()
         asked = None if command is None else self.check_command(command)
@@ -106,9 +106,9 @@ class Chunks:
     def set_command(self, command: Any) -> None:
         """Have the environments follow a command until their episodes end, and not those drawn.
 
-        It is given as it is observed, one of all or a row for each: on a gait m/s ahead, m/s and
-        rad/s to the left; to balance the height of the base, m. Where there is no such command, or
-        a task without, FbidError is raised and nothing changed.
+        A command is what is observed of it: of a gait m/s ahead, m/s to the left and rad/s; of
+        balance the height of the base, m. Give one for all, or a row for each. Raises FbidError,
+        and changes nothing, for another shape or a task without commands.
         """
         self.check_open()
         asked = self.check_command(command)
@@ -186,7 +186,7 @@ class Chunks:
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
 
-        Of one of other environments nothing is loaded, and FbidError raised.
+        Raises FbidError, and loads nothing, if the state is of other environments.
         """
         own = self.state_dict()
         config = own.pop("config")

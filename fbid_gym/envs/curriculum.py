@@ -77,9 +77,9 @@ class Climb:
     ) -> dict[str, np.ndarray]:
         """Count a step; an episode that ends with it decides on the level of the next.
 
-        With a mean `error` (N,) m/s of the velocity up to the tolerance a robot follows its
-        commands. Episodes end by a fall, or otherwise: (N,) bool. Returns what the info says, the
-        levels (N,) of the step.
+        A robot follows its commands if the mean `error` (N,) of its velocity, m/s, is at most the
+        tolerance. `fell` and `lasted` (N,) bool say whose episode ends, by a fall or otherwise.
+        Returns the levels (N,) of this step, for the info.
         """
         told = {f"{name}_level": self.level.copy() for name in self.names}
         level, total, steps, ended = self.arrays.values()

@@ -51,9 +51,9 @@ class EnvBatch:
     ) -> None:
         """Build the environments; reset them all before the first step.
 
-        With other batches they are so many (`of`); episodes have so many steps at `most`. Raises
-        FbidError for arguments that no environment has, or episodes that take more memory, all
-        batches together, than they may.
+        `of` is their number together with those of other batches, `most` the most steps of an
+        episode. Raises FbidError for arguments that no environment has, and for episodes that take
+        more memory, in all batches together, than is allowed.
         """
         self.config, num_envs = config, int(num_envs)
         self.rates = config.rates()

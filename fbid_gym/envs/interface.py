@@ -33,9 +33,9 @@ class Interface:
     def _present(
         self, config: EnvConfig, drawing: Drawing, batch: EnvBatch, **around: Any
     ) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-        """Show some of them as all; return spaces of observations and actions of one environment.
+        """Set the public attributes; return an environment's observation and action space.
 
-        Of several robots it is the first; what is `around` are other arguments of the constructor.
+        `batch` is of the first robot if there are several; `around` are further arguments.
         """
         self._renderer = RobotRenderer(drawing, batch.robot)
         self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode

@@ -54,9 +54,9 @@ def turn_motors(
     solved exactly, whose mean over the step acts; the limit once more, for the speed has changed
     since; the battery. A robot whose torques are no numbers gets none, and is lost.
 
-    The layer has `wanted` (N, n) N·m, and bases get a `push` (N, 3) N, for so many seconds, which
-    are a share of a control tick. Updates `motors`, and `effort` but for the power: its torques are
-    those that act.
+    `wanted` (N, n) are the layer's torques, N·m, and `push` (N, 3) forces on the bases, N. The step
+    takes `seconds`, which is `share` of a control tick. Updates `motors`, and all of `effort` but
+    the power, by the torques that act.
     """
     rows, joints = wiring.rows, wanted.shape[1]
     warming = 1.0 - math.exp(-seconds / drives.thermal_time)

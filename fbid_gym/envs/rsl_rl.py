@@ -18,9 +18,9 @@ class RslRlVecEnv(VecEnv):
 
     All that is observed is one group, "policy"; observations for robots have "critic" as another.
 
-    `extras` has "time_outs" (N,) of episodes that were truncated, and in "log" the mean over the
-    robots of each number that `gym.make_vec` gives: terms of the reward, metrics, levels. `envs` is
-    what that makes.
+    It is made of `envs`, which `gym.make_vec` makes. `extras` has "time_outs" (N,) of episodes that
+    were truncated, and in "log" the mean over robots of every number in the info: terms of the
+    reward, metrics, levels.
     """
 
     def __init__(self, envs: RobotVectorEnv, seed: int | None, device: str) -> None:

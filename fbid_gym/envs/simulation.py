@@ -37,8 +37,8 @@ class Simulation:
     ) -> None:
         """Build N copies of the robot's world; by default the robot alone on its ground.
 
-        Others are compiled from a copy of `robot.spec` to which bodies were added: RobotError where
-        a world does not begin with the robot.
+        Another `world` is compiled from a copy of `robot.spec` with bodies added at the end; raises
+        RobotError if it does not begin with the robot.
         """
         model = copy.copy(robot.model if world is None else world)
         _check_world(robot, model)
@@ -139,9 +139,9 @@ class Simulation:
     def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
         """Push all robots by (N, 3) N and advance them one control tick, as `push` and `step` do.
 
-        Torques (N, n) N·m are limited here; a robot whose torques are no numbers gets none. Adds to
-        the effort of the motors, and updates the state of all robots, whose arrays are its own but
-        for `contact_force`, which is the simulation's.
+        Limits the torques (N, n) N·m; a robot whose torques are no numbers gets none. Adds to
+        `effort`, and updates `state`, whose arrays are the caller's but for `contact_force`, which
+        is the simulation's.
         """
         torque = self.loop.arriving(torque, state.tick)
         steps, seconds, share = self._turn

@@ -101,7 +101,7 @@ def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
 
 
 def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
-    """Take apart what `with_arguments` gave, which messages call `name`: a `pack`, and arguments.
+    """Split what `with_arguments` gave into a `pack` and arguments; messages call it `name`.
 
     Raises:
         RobotError: no archive of a robot, or more than 256 MB of it.

@@ -37,8 +37,8 @@ def add_contact_sensors(
     foot's space is cut into cells, and each point counts what lies in its own.
 
     MuJoCo's contact sensor reports the force that the first matched object exerts on the second, so
-    the robot is named second. `home` was compiled before anything was added to the spec, `bodies`
-    are its by their id. Returns names of the sensors, in the order of the points.
+    the robot is named second. `home` was compiled before anything was added to the spec, and
+    `bodies` are the spec's by their ids there. Returns the sensors' names in the order of points.
     """
     names: list[str] = []
     for foot in feet:

@@ -53,7 +53,7 @@ def findings(robot: "Robot") -> list[str]:
 def check_upright(robot: "Robot") -> None:
     """Raise RobotError for a robot that cannot stand and walk, which the laws alone would take.
 
-    It has no joints, gravity does not pull down, or it is not above its feet.
+    That is one without joints, one that gravity does not pull down, or one not above its feet.
     """
     if not robot.num_joints:
         raise RobotError(f"Robot {robot.name!r} has no joints to act with.")

@@ -62,9 +62,9 @@ def use_motors(
     """Give the joints torque motors: for servos, for nothing, and as strong as the user says.
 
     A servo keeps its gear and its force limits. A joint without actuator gets a motor where its
-    limit is known: given, or the joint's own `actuatorfrcrange`, which is a URDF's effort. A limit
-    that is given, N·m (N for slides), replaces those of the file. The spec is changed, `model` is
-    the same, compiled. Returns notes of what was changed.
+    limit is known: given, or the joint's own `actuatorfrcrange`, which is a URDF's effort. Limits
+    in `torque_limit`, N·m (N for slides), replace those of the file. Changes the spec, of which
+    `model` is the compilation. Returns notes of what was changed.
     """
     actuators = {actuator.id: actuator for actuator in spec.actuators}
     servos = _servos(model)

@@ -54,9 +54,9 @@ def _ball(points: np.ndarray, height: np.ndarray, above: float) -> tuple[np.ndar
     """Find whether a foot is round and small, so that it rolls on one point.
 
     What is round has ever less of it near the ground: a quarter of the width at a sixteenth of the
-    depth. A sole has all of it; what is large rocks on its edges. Points (K, 3) m, world, are of
-    its surface, or centres of spheres; (K,) m are the heights of their lowest ends, `above` is that
-    of the centre of mass. Returns its lowest point (3,), and an estimate of its radius, m; or None.
+    depth. A sole has all of it; what is large rocks on its edges. `points` (K, 3) m, world, lie on
+    its surface, or are centres of spheres, with lowest ends at `height` (K,) m; the centre of mass
+    is at `above`. Returns the lowest point (3,) and an estimate of the radius, m; else None.
     """
     low = float(height.min())
     depth = _LEVEL * max(above - low, 0.0)

@@ -19,8 +19,8 @@ def in_turns(
 ) -> dict[Key, np.ndarray]:
     """Measure every case once a round; every other round runs the cases in reverse.
 
-    Each measure returns a number, or k, and is called once before the first round; by its name it
-    has (rounds,) numbers, or (rounds, k).
+    Each measure is called once before the first round, too. Returns (rounds,) numbers for each
+    name, or (rounds, k) where the measure returns k.
     """
     found: dict[Key, list[float | tuple[float, ...]]] = {name: [] for name in measures}
     for index in range(-1, rounds):
