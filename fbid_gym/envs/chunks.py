@@ -106,9 +106,9 @@ class Chunks:
     def set_command(self, command: Any) -> None:
         """Have the environments follow a command until their episodes end, and not those drawn.
 
-        A command is what is observed of it: of a gait m/s ahead, m/s to the left and rad/s; of
-        balance the height of the base, m. Give one for all, or a row for each. Raises FbidError,
-        and changes nothing, for another shape or a task without commands.
+        Commands have the entries and units of the observation: m/s ahead, m/s to the left and rad/s
+        for a gait, the height of the base in m for balance. Give one for all, or a row for each.
+        Raises FbidError, and changes nothing, for other entries or a task without commands.
         """
         self.check_open()
         asked = self.check_command(command)
@@ -279,7 +279,7 @@ def _joined(steps: list[Step]) -> Step:
     info = dict[str, np.ndarray]()
     for name in steps[0].info:
         parts = [step.info[name] for step in steps if name in step.info]
-        # What all tell, in arrays of the same shape: robots have so many joints, each.
+        # Only entries that all have in the same shape: robots differ in their joints.
         if len(parts) == len(steps) and len({part.shape[1:] for part in parts}) == 1:
             info[name] = np.concatenate(parts)
     whole = map(np.concatenate, zip(*(step[:-1] for step in steps), strict=True))
