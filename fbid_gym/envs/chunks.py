@@ -21,8 +21,7 @@ from fbid_gym.runtime.config import EnvConfig
 NUM_ENVS = Whole(1, 65_536)  # so many of the humanoid take some 20 GiB
 NUM_THREADS = Whole(1, 1024)
 MOST_STEPS = Whole(1, 2**31)
-# Environments of a chunk: what these simulate stays in the caches from tick to tick. Fewer pay for
-# Python more often.
+# Environments of a chunk: more would not stay in the caches, fewer pay for Python more often.
 _MOST_TOGETHER = 64
 
 

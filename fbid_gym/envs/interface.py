@@ -24,7 +24,11 @@ METADATA: dict[str, Any] = {
 
 
 class Interface:
-    """What they have in common."""
+    """What they have in common.
+
+    That is `config`, `robot` (of several the first), `drawn_over` the robots, and what each entry
+    of an observation and an action is, with its unit: `observation_names`, `action_names`.
+    """
 
     config: EnvConfig
     metadata: dict[str, Any]
@@ -33,10 +37,7 @@ class Interface:
     def _present(
         self, config: EnvConfig, drawing: Drawing, batch: EnvBatch, **around: Any
     ) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-        """Set the public attributes; return an environment's observation and action space.
-
-        `batch` is of the first robot if there are several; `around` are further arguments.
-        """
+        """Set the attributes by the first robot's `batch`; return its observation, action space."""
         self._renderer = RobotRenderer(drawing, batch.robot)
         self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode
         self.robot = batch.robot
