@@ -1,23 +1,19 @@
 """How far robots' estimates of their state are off while they walk: `python -m eval.estimates`.
 
 The zero action walks with each preset of sensors and each filter; the picture has the errors of the
-first filter over time, median and the middle 80 % of the robots. `--cost` times sensors and
-estimate beside the physics instead.
+first filter over time, median and the middle 80 % of the robots.
 """
 
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-import tyro
 
 from eval.page.figures import Series, panel, sheet
-from eval.zero_actions.measures import begin, play
+from eval.zero_actions.measures import play
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -35,8 +31,6 @@ SHOWN = {
 }
 """Entry of the info -> title of its panel, and the factor on its values."""
 
-_TIMED = 64  # robots
-
 
 @dataclass(frozen=True)
 class EstimatesConfig:
@@ -44,8 +38,6 @@ class EstimatesConfig:
 
     out: Path | None = None
     """The picture, an SVG. Default: none."""
-    cost: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Only print what share of the physics sensors and estimate take, of 64 robots."""
     envs: Annotated[tuple[str, ...], Each(Choice(ENVIRONMENTS))] = (
         "fbid_gym/QuadrupedWalk-v0",
         "fbid_gym/BipedWalk-v0",
@@ -59,46 +51,13 @@ class EstimatesConfig:
     """Length of an episode."""
 
 
-def made(env: str, preset: str, estimator: str, config: EstimatesConfig, count: int) -> EnvBatch:
-    """Return robots that are to walk."""
-    sensors = {LIKE: preset, "estimator": estimator}
-    own = {"episode_seconds": config.seconds, "sensors": sensors, "action_layer": config.layer}
-    return EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), count)
-
-
-def print_cost(env: str, estimator: str, config: EstimatesConfig) -> None:
-    """Time control ticks of walking robots in one process; corrections come every few of them."""
-    batch = made(env, "mems", estimator, config, _TIMED)
-    begin(batch, 0)
-    perception, simulation = batch.perception, batch.simulation
-    assert perception is not None
-    tick, update, parts = simulation.tick, perception.update, ([], [])  # type: ignore[var-annotated]
-
-    def timed(work: Callable[..., None], times: list[float]) -> Callable[..., None]:
-        def measured(*arguments: Any) -> None:
-            start = time.perf_counter()
-            work(*arguments)
-            times.append(time.perf_counter() - start)
-
-        return measured
-
-    simulation.tick, perception.update = timed(tick, parts[0]), timed(update, parts[1])  # type: ignore[method-assign]
-    for _ in range(50):
-        batch.step(np.zeros((_TIMED, len(batch.action_names))))
-    physics, estimate = (np.array(values[60:240]).reshape(-1, 6).min(axis=0) for values in parts)
-    for name, of in (("mean", np.mean), ("median", np.median)):
-        share, size = float(of(estimate) / of(physics)), 1e6 * float(of(physics)) / _TIMED
-        print(
-            f"{env}: {name} physics {size:.3g} us a robot, sensors and {estimator} filter "
-            f"{share:.2f} of it"
-        )
-
-
 def errors_over_time(
     env: str, preset: str, estimator: str, config: EstimatesConfig
 ) -> dict[str, np.ndarray]:
     """Return the errors of robots that walk by the zero action, (T, N) by name; NaN once fallen."""
-    batch = made(env, preset, estimator, config, config.episodes)
+    sensors = {LIKE: preset, "estimator": estimator}
+    own = {"episode_seconds": config.seconds, "sensors": sensors, "action_layer": config.layer}
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), config.episodes)
     played = play(batch, 0, told=tuple(SHOWN))
     return {name: np.where(played["up"], played[name], np.nan) for name in SHOWN}
 
@@ -107,10 +66,6 @@ def run(config: EstimatesConfig) -> None:
     """Play, print the root mean squares, draw."""
     check_fields(config)
     check_output(config.out, "out", (".svg",))
-    if config.cost:
-        for env, estimator in product(config.envs, ESTIMATORS):
-            print_cost(env, estimator, config)
-        return
     panels = []
     for env in config.envs:
         hz = EnvConfig.of(ENVIRONMENTS[env]).policy_hz

@@ -97,7 +97,7 @@ LINES = {
     "tasks": 2272,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_315, "train": 5_169, "eval": 17_711, "eval/papers": 5_418}
+TREES = {"tests": 29_315, "train": 5_169, "eval": 17_666, "eval/papers": 5_418}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (38, 6917)}
