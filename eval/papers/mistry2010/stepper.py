@@ -22,9 +22,8 @@ from fbid_gym.actions.law import Law
 from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
-from fbid_gym.motions.gait.biped import SOLE, biped_gait
+from fbid_gym.motions.gait.biped import DOUBLE, SOLE, STAND, SWING, biped_gait
 from fbid_gym.motions.gait.command import GaitCommand, no_command
-from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.quantities import RobotState, Target

@@ -40,13 +40,7 @@ class Trim(NamedTuple):
 
     @classmethod
     def of(cls, integral_time: float, omega: float, gravity: float) -> "Trim":
-        """Derive it from the rate at which a robot falls.
-
-        Args:
-            integral_time: in pendulum times 1 / omega; 0: errors last.
-            omega: 1/s.
-            gravity: m/s^2.
-        """
+        """Derive it from a time in units of 1 / omega (0: errors last), from 1/s and m/s^2."""
         return cls(omega / integral_time if integral_time else 0.0, _TRIM * gravity / omega)
 
 
@@ -72,14 +66,8 @@ def follow(
     the velocity that is followed has reached that: what a robot is short of on its way to a new
     command is no lasting error.
 
-    Args:
-        agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the velocity.
-        trim: how the error is integrated.
-        command: where to go.
-        terms: where the robots are.
-        tick: s, of the control.
-        memory: of a gait on points or on soles; updated.
-        i: the robot.
+    The velocity changes at rates of up to `agility`, (3,) m/s^2, m/s^2 and rad/s^2; the tick of the
+    control is in s. Updates the memory of a gait, on points or on soles.
     """
     moves, lasting = False, trim.rate > 0.0
     for axis in range(3):

@@ -52,13 +52,9 @@ def offset_inward(timing: StepTiming, width: float) -> float:
 def stride_to_catch(timing: StepTiming, landing: float, offset: float) -> float:
     """Return where to put the foot so that the double support ends with xi where it shall be.
 
-    Args:
-        timing: of the steps.
-        landing: m, where xi will be from the standing foot when the other one lands.
-        offset: m, where xi shall be from the landed foot at the end of the double support.
-
-    Returns:
-        m from the standing foot.
+    All is in m: xi will be at `landing` from the standing foot when the other one lands, and shall
+    be at `offset` from the landed foot at the end of the double support. The result is from the
+    standing foot.
     """
     decay = math.exp(-timing.omega * timing.double)
     return (landing - offset * decay) * timing.omega * timing.double / (1.0 - decay)
@@ -68,12 +64,8 @@ def stride_to_catch(timing: StepTiming, landing: float, offset: float) -> float:
 def error_to_come(omega: float, gain: float, error: float, reach: float, left: float) -> float:
     """Return the rest of an error of xi (m) after `left` s of p = p_plan + (1 + gain) error.
 
-    Args:
-        omega: 1/s.
-        gain: of the feedback; errors decay with gain * omega.
-        error: m, of now.
-        reach: m by which p can depart from its plan. Errors beyond it grow, whatever p does.
-        left: s.
+    The feedback has errors decay with gain * omega (1/s), but p can depart from its plan by no more
+    than `reach` (m). Errors beyond that grow, whatever p does.
     """
     held = abs(error) * math.exp(-gain * omega * left)
     lost = reach + (abs(error) - reach) * math.exp(omega * left)
@@ -89,14 +81,7 @@ def transfer(
 
     The cubic that begins and ends as given: both are continuous, and consistent with each other.
 
-    Args:
-        omega: 1/s.
-        xi: m, at the beginning.
-        pressure: m, at the beginning.
-        xi_end: m, at the end.
-        pressure_end: m, at the end.
-        span: s that it takes.
-        clock: s since the beginning.
+    It takes a span (s), of which `clock` s have passed. Omega is in 1/s, all else in m.
     """
     s = min(max(clock / span, 0.0), 1.0)
     rate, rate_end = omega * (xi - pressure) * span, omega * (xi_end - pressure_end) * span

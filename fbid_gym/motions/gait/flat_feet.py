@@ -18,6 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.motions.gait.biped import (
+    ARRIVED,
+    DOUBLE,
+    LONG_AGO,
+    STAND,
+    SWING,
+    FlatFootGait,
+    FlatGaitMemory,
+)
 from fbid_gym.motions.gait.command import GaitCommand, approached, follow
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
@@ -26,14 +35,6 @@ from fbid_gym.motions.gait.divergent import (
     offset_inward,
     stride_to_catch,
     transfer,
-)
-from fbid_gym.motions.gait.flat_gait import (
-    DOUBLE,
-    LONG_AGO,
-    STAND,
-    SWING,
-    FlatFootGait,
-    FlatGaitMemory,
 )
 from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
@@ -44,7 +45,6 @@ from fbid_gym.motions.target import face, move_along, stand_where_it_is
 from fbid_gym.quantities import DynamicsTerms, Target
 
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
-ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
 _FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
 _TINY = 1e-12  # keeps the direction of a foot that points up or down defined
 _BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
@@ -60,17 +60,7 @@ def walk(
     memory: FlatGaitMemory,
     target: Target,
 ) -> None:
-    """Advance by one control tick, and write the robots' target.
-
-    Args:
-        gait: of the robot.
-        command: where to go.
-        terms: where the robots are.
-        contact_force: (N, P, 3) N, world, on the contact points.
-        tick: s, of the control.
-        memory: of the robots; updated.
-        target: of the robots; written.
-    """
+    """Advance by one control tick, and write the robots' target; see `point_feet.walk`."""
     points = np.empty(gait.points.shape)
     for i in range(len(terms.com)):
         _go_on(gait, command, terms, contact_force, tick, points, memory, target, i)

@@ -31,10 +31,7 @@ class Leap(NamedTuple):
 def point_ahead(leap: Leap, velocity: float, commanded: float) -> float:
     """Return how far ahead of its place below the robot a foot lands, m; along one axis.
 
-    Args:
-        leap: of the foot.
-        velocity: m/s of the centre of mass when it lands.
-        commanded: m/s.
+    The centre of mass has a velocity (m/s) when it lands, and another one is commanded.
     """
     neutral = 0.5 * commanded * leap.stance
     captured = velocity / leap.omega

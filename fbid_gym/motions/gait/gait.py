@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
-from fbid_gym.motions.gait import biped, flat_feet, flat_gait, point_feet, point_gait
+from fbid_gym.motions.gait import biped, flat_feet, point_feet, quadruped
 from fbid_gym.motions.gait.command import GaitCommand
-from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.target import standing_target
 from fbid_gym.options import Choice
@@ -26,12 +24,10 @@ class Gait:
     """How a robot walks: immutable, for any number of robots of one kind."""
 
     # Of the gait, on point feet or on flat ones.
-    constants: point_gait.PointFootGait | flat_gait.FlatFootGait
+    constants: quadruped.PointFootGait | biped.FlatFootGait
     tick: float  # s, of the control
     # Type of its memory, a named tuple of arrays.
-    remembered: type[point_gait.PointGaitMemory] | type[flat_gait.FlatGaitMemory]
-    # From headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots that stand.
-    begin: Callable[[np.ndarray, np.ndarray], Any]
+    remembered: type[quadruped.PointGaitMemory] | type[biped.FlatGaitMemory]
     walk: Callable[..., None]  # the kernel, see `point_feet.walk`
 
     @cached_property
@@ -53,7 +49,7 @@ class Gait:
         rotation = terms.world_from_trunk
         heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
         target = standing_target(terms, self.constants.home)._asdict()
-        own: Memory = self.begin(heading, terms.foot_position)._asdict()
+        own: Memory = self.remembered.standing(heading, terms.foot_position)._asdict()
         return own | {_PREFIX + name: value for name, value in target.items()}
 
     def advance(
@@ -61,11 +57,7 @@ class Gait:
     ) -> Target:
         """Advance by one control tick; return the robots' target, in the arrays of their memory.
 
-        Args:
-            command: where to go.
-            terms: where the robots are.
-            contact_force: (N, P, 3) N, world, on the contact points.
-            memory: of the robots; updated.
+        The forces on the contact points are (N, P, 3) N, world. Updates the memory.
         """
         own = self.remembered(*self._own(memory))
         target = self.target(memory)
@@ -86,12 +78,9 @@ def gait_of(
 ) -> Gait:
     """Return the gait of a robot: on four point feet, or on two flat ones.
 
-    Args:
-        robot: that walks.
-        hz: control ticks per second.
-        name: of the gait. Default: `default_gait`.
-        integral_time: in which an error of the velocity is made up for, see `Trim`; 0: it lasts.
-        period: of its cycle, in units of sqrt(h / g). Default: that of the gait.
+    Without a name it is the `default_gait`. Errors of the velocity are made up for in an
+    `integral_time`, see `Trim`, or last if that is 0. The period of a cycle is in units of
+    sqrt(h / g); without one it is that of the gait.
 
     Raises:
         UnknownOptionError: no such gait.
@@ -102,9 +91,9 @@ def gait_of(
     Choice(gaits_of(robot)).check("gait of a biped" if on_soles else "gait", name)
     if on_soles:
         walk = biped.biped_gait(robot, name, integral_time, period)
-        return Gait(walk, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
-    trot = quadruped_gait(robot, name, integral_time, period)
-    return Gait(trot, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
+        return Gait(walk, tick, biped.FlatGaitMemory, flat_feet.walk)
+    trot = quadruped.quadruped_gait(robot, name, integral_time, period)
+    return Gait(trot, tick, quadruped.PointGaitMemory, point_feet.walk)
 
 
 def gaits_of(robot: Robot) -> tuple[str, ...]:

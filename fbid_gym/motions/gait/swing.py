@@ -68,13 +68,8 @@ def lift_and_land(
     It arrives with a speed, so that it lands when it is told to, and goes on down with it if the
     ground is not where it was expected.
 
-    Args:
-        clock: s since it lifted.
-        span: s that the step shall take.
-        start: m, height at which it lifted.
-        apex: m, highest.
-        ground: m, height of the ground where it lands.
-        sink: m/s with which it lands.
+    It lifts from `start` (m), rises to the apex (m) and lands on the ground (m) with a speed of
+    `sink` (m/s). The step takes a span (s), of which `clock` s have passed.
     """
     half = 0.5 * span
     if clock < half:

@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.biped import PATTERNS, biped_gait
+from fbid_gym.motions.gait.biped import PATTERNS, STAND, FlatFootGait, FlatGaitMemory, biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
-from fbid_gym.motions.gait.flat_gait import STAND, FlatFootGait, FlatGaitMemory, standing
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 
@@ -54,7 +53,8 @@ class Pendulums:
         self.feet = np.matvec(upright[:, None], beside)
         self.feet[..., 2] = self.floor(self.feet)
         self.rotation = upright[:, None] @ self.gait.level
-        self.body, self.memory = self.heading.copy(), standing(self.heading, self.feet)
+        self.body = self.heading.copy()
+        self.memory = FlatGaitMemory.standing(self.heading, self.feet)
         self.target = standing_target(self.terms, self.gait.home)
 
     @property

@@ -10,8 +10,7 @@ from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.point_feet import walk
-from fbid_gym.motions.gait.point_gait import PointFootGait, standing
-from fbid_gym.motions.gait.quadruped import quadruped_gait
+from fbid_gym.motions.gait.quadruped import PointFootGait, PointGaitMemory, quadruped_gait
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 from fbid_gym.robots import Robot, load
@@ -59,7 +58,7 @@ class Ghost:
     ) -> None:
         self.gait, self.terms, self.floor, self.slope = gait, terms, floor, np.array(slope)
         count, feet = terms.foot_position.shape[:2]
-        self.memory = standing(np.zeros(count), terms.foot_position)
+        self.memory = PointGaitMemory.standing(np.zeros(count), terms.foot_position)
         self.command = no_command(count, feet)
         self.force = np.zeros((count, feet, 3))
 
@@ -302,7 +301,7 @@ def test_which_way_the_world_lies_does_not_matter():
         foot_position=terms.foot_position @ turn.T + moved + up,
     )
     here, there = Ghost(GAIT, terms, 0.0, slope), Ghost(GAIT, turned, 0.0, steep)
-    there.memory = standing(np.full(1, angle), turned.foot_position)
+    there.memory = PointGaitMemory.standing(np.full(1, angle), turned.foot_position)
     for ghost in (here, there):
         commanded(ghost, 0.2, -0.1, 0.3)
     for _ in range(round(3.0 * GAIT.schedule.period / TICK)):

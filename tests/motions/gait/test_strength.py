@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.motions.gait.biped import biped_gait, default_cycle
-from fbid_gym.motions.gait.strength import deepest_bend, swing_time
+from fbid_gym.motions.gait.biped import biped_gait, deepest_bend, default_cycle, swing_time
 
 
 def weaker(robot, name, share):

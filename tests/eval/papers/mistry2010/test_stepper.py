@@ -9,7 +9,7 @@ from eval.papers.mistry2010.stepping import MOTIONS, OURS, controller
 from eval.papers.trial import RATES, Trial, pushed, simulate
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
-from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
+from fbid_gym.motions.gait.biped import DOUBLE, STAND, SWING
 from fbid_gym.quantities import RobotState
 
 CROUCHED = MOTIONS["crouched"]
