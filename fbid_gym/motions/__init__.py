@@ -1,7 +1,6 @@
 """Motions: desired joints, base and feet over time."""
 
-from fbid_gym.motions.crawl import Crawl, crawl
-from fbid_gym.motions.crawl_gait import CrawlGait, gait_for
+from fbid_gym.motions.crawl import Crawl, CrawlGait, crawl, gait_for
 from fbid_gym.motions.squat import periodic_squat, squat_bow, squat_depth
 from fbid_gym.motions.stepping import Steps, stepping, steps_for
 from fbid_gym.motions.table import MotionTable

@@ -9,30 +9,141 @@ anywhere. The paper takes its gait from a planner that is not given; this is a p
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyder, polyval
 
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.crawl_gait import CrawlGait, gait_for, stepping_joints
+from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.motions.curves import Curve, cosine
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.motions.kinematics import (
-    Chunked,
     States,
+    chunked,
     foot_radius,
     home_points,
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.lean import refuse_beyond
+from fbid_gym.motions.legs import placing, refuse_beyond
 from fbid_gym.motions.squat import period_ticks
 from fbid_gym.motions.table import MotionTable, look_up, side_by_side
 from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import margin_within
+
+
+class CrawlGait(NamedTuple):
+    """Numbers of a crawl.
+
+    Attributes:
+        period: s, one step of every foot.
+        swing: share of the period that each foot is in the air.
+        swing_height: m, how high a swinging foot is lifted.
+        height: m, of the base over its height at home.
+        sway: m, amplitude of the body's way sideways.
+        flatness: share of the third harmonic in the sway, which keeps the body longer at its sides.
+        surge: m, amplitude of the body's way forward and back, twice a period.
+        spread: m, how much farther out than at home, from the body, the feet step.
+        slowest: m/s, least forward speed.
+        fastest: m/s, largest forward speed.
+        tables: number of speeds at which the walk is planned; between them it is interpolated by a
+            polynomial through all, so a few are enough.
+    """
+
+    period: float = 1.5
+    swing: float = 0.16
+    swing_height: float = 0.05
+    height: float = -0.03
+    sway: float = 0.035
+    flatness: float = 0.1
+    surge: float = 0.01
+    spread: float = 0.025
+    slowest: float = 0.0
+    fastest: float = 0.08
+    tables: int = 4
+
+
+LITTLEDOG = CrawlGait()
+"""A walk for a robot 0.3 m long and 0.2 m tall.
+
+Low and with feet wide apart, since what tips it over an obstacle is a centre of mass that comes
+near the line of the outer feet: with the feet and the height of the home stance it falls over
+planks of 3 cm in most trials.
+"""
+
+# Of that robot: m between the middles of hind and front feet, of right and left ones, and from the
+# feet to the centre of mass; and the time sqrt(height / g) in which it falls.
+_LENGTH, _WIDTH, _HEIGHT, _TIME = 0.202, 0.1197, 0.15706796, 0.126534600
+
+
+def gait_for(
+    robot: Robot,
+    hz: int,
+    *,
+    period: float | None = None,
+    swing_height: float | None = None,
+    speeds: tuple[float, float] | None = None,
+) -> CrawlGait:
+    """Return the walk of `LITTLEDOG` on a robot of another size.
+
+    What goes up scales with the height of the centre of mass, what goes sideways or ahead with the
+    distances of the feet, and time with how fast the robot falls over.
+
+    Args:
+        robot: the robot.
+        hz: ticks per second; the period is a whole number of ticks.
+        period: s, instead.
+        swing_height: m, instead.
+        speeds: (slowest, fastest) m/s, instead.
+
+    Raises:
+        RobotError: the robot has not one foot at each corner, or cannot crawl.
+    """
+    stepping_joints(robot)  # refuses robots that cannot crawl
+    corners, stance = corners_of(robot), Stance.of(robot)
+    feet = stance.terms.foot_position[0, np.argsort(corners), :2]
+    front, hind, left, right = (
+        feet[pair].mean(axis=0) for pair in ([0, 1], [2, 3], [0, 2], [1, 3])
+    )
+    long = float(np.linalg.norm(front - hind)) / _LENGTH
+    wide = float(np.linalg.norm(left - right)) / _WIDTH
+    high = float(stance.home_com[2]) / _HEIGHT
+    slow = 1.0 / (stance.falling_rate * _TIME)
+    usual = LITTLEDOG
+    ticks = round(slow * usual.period * hz)
+    return usual._replace(
+        period=ticks / hz if period is None else period,
+        swing_height=high * usual.swing_height if swing_height is None else swing_height,
+        height=high * usual.height,
+        sway=wide * usual.sway,
+        surge=long * usual.surge,
+        spread=wide * usual.spread,
+        slowest=long / slow * usual.slowest if speeds is None else speeds[0],
+        fastest=long / slow * usual.fastest if speeds is None else speeds[1],
+    )
+
+
+def stepping_joints(robot: Robot) -> list[int]:
+    """Return the twelve joints with which a robot crawls: of each leg the three that place it.
+
+    Raises:
+        RobotError: other feet, or a leg of fewer joints.
+    """
+    stance = Stance.of(robot)
+    if robot.num_feet != 4 or robot.num_points != 4 or (stance.legs.sum(axis=1) < 3).any():
+        raise RobotError(
+            f"Robot {robot.name!r} cannot crawl: it has {robot.num_joints} joints and the feet "
+            f"{', '.join(robot.foot_names)} on {robot.num_points} points. Expected four feet on "
+            "one point each, and three joints or more that move it alone."
+        )
+    legs = zip(stance.legs, stance.terms.foot_jacobian[0, :, :3], strict=True)
+    own = [placing(np.flatnonzero(moves), foot, stance.length) for moves, foot in legs]
+    return sorted(np.concatenate(own).tolist())
+
 
 _ORDER = (2, 0, 3, 1)
 """In which the feet swing: hind left, front left, hind right, front right, of `corners_of`."""
@@ -138,18 +249,6 @@ def _check(gait: CrawlGait) -> None:
         raise InvalidValueError("tables", gait.tables, f"{least} to {_MOST_TABLES} speeds")
 
 
-def _schedule(gait: CrawlGait, ticks: int) -> list[tuple[int, int]]:
-    """First tick in the air and first tick on the ground again, for each foot of `_ORDER`.
-
-    The two swings of a side follow each other; their middle is at a quarter, and three quarters.
-    """
-    length = round(gait.swing * ticks)
-    quarter = round(0.25 * ticks)
-    starts = [quarter - length, quarter]
-    starts += [start + ticks // 2 for start in starts]
-    return [(start, start + length) for start in starts]
-
-
 def _table(
     robot: Robot,
     gait: CrawlGait,
@@ -186,7 +285,11 @@ def _table(
             whole[:, axis] += part
 
     feet = [list(corners_of(robot)).index(corner) for corner in _ORDER]
-    schedule = dict(zip(feet, _schedule(gait, ticks), strict=True))
+    # The two swings of a side follow each other; their middle is at a quarter, and three quarters.
+    length, quarter = round(gait.swing * ticks), round(0.25 * ticks)
+    lifts = [start + half for half in (0, ticks // 2) for start in (quarter - length, quarter)]
+    # First tick in the air and first tick on the ground again.
+    schedule = {foot: (lift, lift + length) for foot, lift in zip(feet, lifts, strict=True)}
     planted = np.ones((ticks, robot.num_feet), bool)
     for foot, (lift, touch) in schedule.items():
         planted[lift:touch, foot] = False
@@ -228,7 +331,7 @@ def _table(
 def _check_over_feet(robot: Robot, states: States, planted: np.ndarray) -> None:
     """Check that the centre of mass stays above the hull of the planted feet (T, F)."""
     least = np.inf
-    for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
+    for rows, terms in chunked(MuJoCoDynamics(robot), states.qpos, states.qvel):
         for feet, down, com in zip(terms.foot_position, planted[rows], terms.com, strict=True):
             least = min(least, margin_within(feet[down, :2], com[:2]))
     refuse_beyond(robot, least)

@@ -1,6 +1,5 @@
 """Curves in time with their exact derivatives, from which motions are composed."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,16 +16,6 @@ class Curve(NamedTuple):
         """Return the sum."""
         return Curve(*(np.sum(parts, axis=0) for parts in zip(self, *others, strict=True)))
 
-    def times(self, other: "Curve") -> "Curve":
-        """Return the product."""
-        return Curve(
-            self.value * other.value,
-            self.rate * other.value + self.value * other.rate,
-            self.acceleration * other.value
-            + 2 * self.rate * other.rate
-            + self.value * other.acceleration,
-        )
-
     def scaled(self, factor: float, offset: float = 0.0) -> "Curve":
         """Return factor * curve + offset."""
         return Curve(factor * self.value + offset, factor * self.rate, factor * self.acceleration)
@@ -40,13 +29,7 @@ def cosine(time: np.ndarray, frequency: float, phase: float = 0.0) -> Curve:
 
 
 def rise(time: np.ndarray, start: float, end: float) -> Curve:
-    """Return a step from 0 to 1 of least jerk: a quintic, at rest at both ends.
-
-    Args:
-        time: (T,) s.
-        start: s, 0 until then.
-        end: s, 1 from then on; later than `start`.
-    """
+    """Return a step from 0 at `start` to 1 at `end`, a quintic at rest at both; times (T,) s."""
     duration = end - start
     s = np.clip((time - start) / duration, 0.0, 1.0)
     return Curve(
@@ -54,8 +37,3 @@ def rise(time: np.ndarray, start: float, end: float) -> Curve:
         30 * s**2 * (1 - s) ** 2 / duration,
         60 * s * (1 - s) * (1 - 2 * s) / duration**2,
     )
-
-
-def stacked(curves: Sequence[Curve]) -> Curve:
-    """Return the curves (T,) as the columns of one, (T, len(curves))."""
-    return Curve(*(np.stack(parts, axis=1) for parts in zip(*curves, strict=True)))

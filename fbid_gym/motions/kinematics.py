@@ -36,21 +36,13 @@ class States(NamedTuple):
     qacc: np.ndarray  # (T, nv)
 
 
-class Chunked:
-    """Dynamics terms of the many states of a motion, chunk by chunk."""
-
-    def __init__(self, robot: Robot) -> None:
-        """Compute nothing yet."""
-        self._robot = robot
-        self._dynamics: dict[int, MuJoCoDynamics] = {}
-
-    def terms(self, qpos: np.ndarray, qvel: np.ndarray) -> Iterator[tuple[slice, DynamicsTerms]]:
-        """Yield chunks of the rows of T states, (T, nq) and (T, nv), and their terms."""
-        for start in range(0, len(qpos), CHUNK):
-            rows = slice(start, min(start + CHUNK, len(qpos)))
-            size = rows.stop - rows.start
-            dynamics = self._dynamics.setdefault(size, MuJoCoDynamics(self._robot))
-            yield rows, dynamics.terms(qpos[rows], qvel[rows])
+def chunked(
+    dynamics: MuJoCoDynamics, qpos: np.ndarray, qvel: np.ndarray
+) -> Iterator[tuple[slice, DynamicsTerms]]:
+    """Yield chunks of the rows of T states, (T, nq) and (T, nv), and their terms."""
+    for start in range(0, len(qpos), CHUNK):
+        rows = slice(start, start + CHUNK)
+        yield rows, dynamics.terms(qpos[rows], qvel[rows])
 
 
 def home_points(robot: Robot) -> np.ndarray:
@@ -110,8 +102,8 @@ def base_on_feet(
     qpos, (qvel, qacc) = np.zeros((steps, robot.nq)), np.zeros((2, steps, robot.nv))
     qpos[:, 3], qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = 1.0, *joints
 
-    dynamics = Chunked(robot)
-    for rows, terms in dynamics.terms(qpos, np.zeros_like(qvel)):
+    dynamics = MuJoCoDynamics(robot)
+    for rows, terms in chunked(dynamics, qpos, np.zeros_like(qvel)):
         seen = sphere_centres(robot, geometry, terms)
         rotation, position, gap = _aligned(seen, points[rows], active[rows])
         if gap.max() > _STAYS:
@@ -122,11 +114,11 @@ def base_on_feet(
                 "joint angles that keep planted feet where they are",
             )
         qpos[rows, :3], qpos[rows, 3:7] = position, matrix_to_quaternion(rotation)
-    for rows, terms in dynamics.terms(qpos, np.zeros_like(qvel)):
+    for rows, terms in chunked(dynamics, qpos, np.zeros_like(qvel)):
         contacts = reduced_contacts(geometry, terms, active[rows])
         base = _base_inverse(contacts.jacobian, rows.start)
         qvel[rows, :6] = -np.matvec(base, np.matvec(contacts.jacobian[:, :, 6:], qvel[rows, 6:]))
-    for rows, terms in dynamics.terms(qpos, qvel):
+    for rows, terms in chunked(dynamics, qpos, qvel):
         contacts = reduced_contacts(geometry, terms, active[rows])
         base = _base_inverse(contacts.jacobian, rows.start)
         drift = np.matvec(contacts.jacobian[:, :, 6:], qacc[rows, 6:]) + contacts.bias
@@ -152,12 +144,7 @@ def _base_inverse(jacobian: np.ndarray, start: int) -> np.ndarray:
 def _aligned(
     seen: np.ndarray, wanted: np.ndarray, active: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rigid motion that takes the active points `seen` to `wanted` (Kabsch).
-
-    Args:
-        seen: (N, P, 3).
-        wanted: (N, P, 3).
-        active: (N, P) bool.
+    """Rigid motion that takes those points `seen` (N, P, 3) that are active to `wanted` (Kabsch).
 
     Returns:
         Rotation (N, 3, 3), translation (N, 3), largest remaining distance (N,).
@@ -204,12 +191,11 @@ def joints_on_feet(
         InvalidValueError: `moving` has another length, or a foot cannot get where it shall be.
     """
     columns = 6 + np.asarray(moving)
-    rows_of = [slice(0, 6 if _has_orientation(foot.points) else 3) for foot in robot.feet]
-    if len(columns) != sum(rows.stop for rows in rows_of):
-        raise InvalidValueError(
-            "moving", len(columns), f"{sum(rows.stop for rows in rows_of)} joints"
-        )
-    radius, dynamics = foot_radius(robot), Chunked(robot)
+    away = [foot.points - foot.points.mean(axis=0) for foot in robot.feet]
+    rows_of = [slice(0, 6 if np.linalg.matrix_rank(a, tol=1e-6) >= 2 else 3) for a in away]
+    if len(columns) != (size := sum(rows.stop for rows in rows_of)):
+        raise InvalidValueError("moving", len(columns), f"{size} joints")
+    radius, dynamics = foot_radius(robot), MuJoCoDynamics(robot)
     home = Stance.of(robot).terms
     qpos, qvel, qacc = base.qpos.copy(), base.qvel.copy(), base.qacc.copy()
     qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = guess, 0.0, 0.0
@@ -226,7 +212,7 @@ def joints_on_feet(
     missing = np.zeros((len(qpos), len(columns)))
     for _ in range(_MOST_STEPS):
         wanted, before = centres(spin, spin_rate), qvel.copy()
-        for rows, terms in dynamics.terms(qpos, qvel):
+        for rows, terms in chunked(dynamics, qpos, qvel):
             error = np.zeros((*terms.foot_position.shape[:2], 6))
             error[..., :3] = wanted.value[rows] - terms.foot_position
             error[..., 2] -= radius
@@ -280,20 +266,10 @@ def _damped_step(jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
     return step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LONGEST_STEP, 1.0)
 
 
-def _has_orientation(points: np.ndarray) -> bool:
-    return bool(np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) >= 2)
-
-
 def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = None) -> Target:
-    """Express states of the world in the support frame of each instant, as planned motions are.
+    """Express T states of a world with z up in the support frame of each instant.
 
-    Args:
-        robot: the robot.
-        states: T of them, in a world with z up.
-        planted: (T, F) bool; None for all feet.
-
-    Returns:
-        T rows.
+    So planned motions are given. Feet are planted (T, F) bool, or None for all feet.
     """
     stance = Stance.of(robot)
     gravity, armature = robot.model.opt.gravity, robot.model.dof_armature[:3]
@@ -301,7 +277,7 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
     com, feet = np.zeros((3, len(qpos), 3)), robot.num_feet
     place, turned = np.zeros((len(qpos), feet, 3)), np.zeros((len(qpos), feet, 3, 3))
     rates = np.zeros((2, len(qpos), feet, 2, 3))
-    for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
+    for rows, terms in chunked(MuJoCoDynamics(robot), states.qpos, states.qvel):
         frame = stance.frame(terms)
         to_frame = frame.world_from_support.mT
         force = np.matvec(terms.mass_matrix[:, :3], states.qacc[rows]) + terms.bias[:, :3]

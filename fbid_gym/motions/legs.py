@@ -6,11 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import RobotError
-from fbid_gym.motions.curves import Curve, stacked
+from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.motions.curves import Curve
+from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
 from fbid_gym.robots import Robot
+from fbid_gym.robots.measured import once_for_robot
 
 _PITCHES = 0.94  # cosine of 20 degrees: how nearly an axis points to the side
+_STEP = 1e-4  # rad
+_ROUNDS = 8
+_OVER = 1e-9  # m
 
 
 class Legs(NamedTuple):
@@ -72,13 +77,8 @@ def legs_of(robot: Robot) -> Legs:
 def placing(joints: np.ndarray, jacobian: np.ndarray, length: float) -> np.ndarray:
     """Return those joints that place a foot best: their Jacobian has the largest determinant.
 
-    Args:
-        joints: to choose from, at least as many as coordinates.
-        jacobian: (3, nv) of a point, or (6, nv) of a sole, its rotation last.
-        length: m, that counts as much as a radian.
-
-    Returns:
-        (3,) or (6,) int.
+    The joints to choose from are at least as many as the coordinates: the Jacobian is (3, nv) of a
+    point, or (6, nv) of a sole, its rotation last. The length (m) counts as much as a radian.
     """
     count = len(jacobian)
     scaled = jacobian / np.repeat([length, 1.0], 3)[:count, None]
@@ -96,37 +96,26 @@ def least_bend(legs: Legs) -> float:
 
 
 def bent(robot: Robot, legs: Legs, knee: Curve, ankle: Curve, pitch: Curve) -> Curve:
-    """Return the joint motion of bent legs on level soles, the same on both, the others at home.
+    """Return the joint motion, (T, n) rad, of bent legs on level soles, all other joints at home.
 
-    Args:
-        robot: the robot.
-        legs: its legs.
-        knee: (T,) rad, how far the knees are bent, 0 where straight.
-        ankle: (T,) rad, how far the shanks lean back from where they stand at home.
-        pitch: (T,) rad, pitch of the trunk from where it is at home, positive forward.
-
-    Returns:
-        (T, n) rad.
+    Both legs do the same: (T,) rad say how far the knees are bent, 0 where straight, and how far
+    the shanks lean back and the trunk pitches forward from where they are at home.
     """
     knee = knee.scaled(legs.forward, -legs.forward * legs.bend)
     hip = knee.plus(ankle, pitch).scaled(-1.0)
     size = len(knee.value)
     still = np.zeros((size, robot.num_joints))
     joints = Curve(np.tile(robot.home_qpos[7:], (size, 1)), still.copy(), still.copy())
-    for leg in range(2):
-        turn = stacked([hip, knee, ankle])
-        columns, sign = legs.pitch[leg], legs.sign[leg]
-        for whole, part in zip(joints, turn, strict=True):
-            whole[:, columns] += sign * part
+    for whole, *parts in zip(joints, hip, knee, ankle, strict=True):
+        for columns, sign in zip(legs.pitch, legs.sign, strict=True):
+            whole[:, columns] += sign * np.stack(parts, axis=1)
     return joints
 
 
 def _bend(jacobian: np.ndarray, left: np.ndarray) -> float:
-    """Angle from thigh to shank about the axis to the side, rad.
+    """Angle from thigh to shank about the axis to the left (3,), rad.
 
-    Args:
-        jacobian: (6, 3) of the foot, for hip, knee and ankle.
-        left: (3,) unit vector to the left.
+    The Jacobian (6, 3) is that of the foot for hip, knee and ankle.
     """
     axes = jacobian[3:].T
     from_foot = -np.cross(jacobian[:3].T, axes)  # across each axis, of the point on it
@@ -137,3 +126,62 @@ def _bend(jacobian: np.ndarray, left: np.ndarray) -> float:
 
 def _named(robot: Robot, joints: np.ndarray) -> str:
     return ", ".join(robot.joint_names[joint] for joint in joints) or "(none)"
+
+
+@once_for_robot
+def lean_of(robot: Robot) -> tuple[float, float, float]:
+    """Return how far the shanks lean back to bring the centre of mass over the middle of the soles.
+
+    Three numbers: rad from where they are at home, rad for each rad that the knees are bent, and
+    rad for each rad that the trunk pitches forward. Least squares over knees of 0 to 1.6 rad and
+    pitches of 0 to 0.8 rad; the built-in biped's centre of mass is then 8 mm away at most.
+
+    Raises:
+        RobotError: it has not two legs that bend.
+        InvalidValueError: its feet cannot stay where they are while both legs bend alike.
+    """
+    legs = legs_of(robot)
+    grids = np.meshgrid(np.linspace(0.0, 1.6, 17), np.linspace(0.0, 0.8, 9))  # rad
+    knee, pitch = (grid.ravel() for grid in grids)
+    ankle = np.zeros(len(knee))
+    for _ in range(_ROUNDS):
+        ahead = _ahead(robot, legs, knee, ankle, pitch)
+        slope = (_ahead(robot, legs, knee, ankle + _STEP, pitch) - ahead) / _STEP
+        ankle = ankle - ahead / slope
+    plane = np.stack([np.ones(len(knee)), knee, pitch], axis=1)
+    offset, per_knee, per_pitch = np.linalg.lstsq(plane, ankle, rcond=None)[0].tolist()
+    return offset, per_knee, per_pitch
+
+
+def legs_in_plane(robot: Robot, knee: Curve, pitch: Curve) -> Curve:
+    """Return the joint motion of a squat, (T, n) rad, both legs alike, all other joints at home.
+
+    The knees are bent by (T,) rad, and the trunk pitches by (T,) rad from where it is at home.
+
+    Raises:
+        RobotError: the robot has not two legs that bend.
+    """
+    offset, per_knee, per_pitch = lean_of(robot)
+    ankle = knee.scaled(per_knee, offset).plus(pitch.scaled(per_pitch))
+    return bent(robot, legs_of(robot), knee, ankle, pitch)
+
+
+def refuse_beyond(robot: Robot, margin: float) -> None:
+    """Raise an `InvalidValueError` if a motion's least margin within the feet, m, is negative."""
+    if margin < -_OVER:
+        raise InvalidValueError(
+            f"motion of robot {robot.name!r}",
+            f"centre of mass {-margin:.2g} m beyond its feet",
+            "one above its feet",
+        )
+
+
+def _ahead(
+    robot: Robot, legs: Legs, knee: np.ndarray, ankle: np.ndarray, pitch: np.ndarray
+) -> np.ndarray:
+    """How far the centre of mass is ahead of the centre of the soles in K postures, (K,) m."""
+    postures = bent(
+        robot, legs, *(Curve(angle, 0 * angle, 0 * angle) for angle in (knee, ankle, pitch))
+    )
+    states = base_on_feet(robot, postures, home_points(robot))
+    return seen_from_feet(robot, states).com[:, 0]

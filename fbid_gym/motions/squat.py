@@ -2,7 +2,7 @@
 
 The paper shows plots and no formulas. Here knee and trunk pitch are sinusoids, and the ankle is
 linear in both, so that all three joint angles are combined sinusoids and the centre of mass stays
-over the soles, see `lean`:
+over the soles, see `legs.lean_of`:
 
     ankle = offset + per_knee knee + per_pitch pitch,   hip = -knee - ankle - pitch
 
@@ -17,10 +17,10 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
-from fbid_gym.motions.lean import check_over_feet, legs_in_plane
-from fbid_gym.motions.legs import least_bend, legs_of
+from fbid_gym.motions.legs import least_bend, legs_in_plane, legs_of, refuse_beyond
 from fbid_gym.motions.table import MotionTable, table_ticks
 from fbid_gym.robots import Robot
+from fbid_gym.robots.polygon import convex_hull, margin_within
 
 SECONDS = 30.0
 """Length of the squat/bow at speed 1, s, for a robot of the built-in biped's size."""
@@ -125,10 +125,7 @@ def period_ticks(name: str, frequency: float, hz: int) -> int:
 def _squats_and_bows(robot: Robot, time: np.ndarray, pace: float) -> tuple[Curve, Curve, Curve]:
     """Knee angle at the tops, squats of 1 rad, and pitch of the trunk; times (T,) s.
 
-    Args:
-        robot: whose legs extend as far as they can.
-        time: (T,) s.
-        pace: how many times faster than the biped at speed 1.
+    The robot's legs extend as far as they can, `pace` times as fast as the biped's at speed 1.
     """
     least = least_bend(legs_of(robot))
     extension = rise(time, *(moment / pace for moment in _EXTENSION))
@@ -140,5 +137,6 @@ def _squats_and_bows(robot: Robot, time: np.ndarray, pace: float) -> tuple[Curve
 
 def _on_flat_feet(robot: Robot, joints: Curve, hz: int, *, periodic: bool) -> MotionTable:
     rows = seen_from_feet(robot, base_on_feet(robot, joints, home_points(robot)))
-    check_over_feet(robot, rows)
+    places, points = rows.com[:, :2], Stance.of(robot).layout
+    refuse_beyond(robot, min(margin_within(points, places[row]) for row in convex_hull(places)))
     return MotionTable(robot, rows, hz, periodic)

@@ -8,8 +8,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import base_on_feet, home_points, joints_on_feet, seen_from_feet
-from fbid_gym.motions.lean import legs_in_plane
-from fbid_gym.motions.legs import legs_of
+from fbid_gym.motions.legs import legs_in_plane, legs_of
 from fbid_gym.motions.squat import BIPED_FALLING_RATE, period_ticks
 from fbid_gym.motions.table import MotionTable
 from fbid_gym.robots import Robot

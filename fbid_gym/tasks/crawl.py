@@ -37,14 +37,9 @@ def crawl(
     """
     robot, hz = episode.body.robot, episode.hz
     motion = _motion(robot, hz, step_seconds, swing_height, speed_range)
-    gait = motion.gait
-    speeds = gait.slowest, gait.fastest
-    derived = {
-        "speed_range": speeds,
-        "step_seconds": gait.period,
-        "swing_height": gait.swing_height,
-    }
-    return Tracking.of(episode, motion, derived, speeds)
+    gait, speeds = motion.gait, (motion.gait.slowest, motion.gait.fastest)
+    derived = {"step_seconds": gait.period, "swing_height": gait.swing_height}
+    return Tracking.of(episode, motion, {"speed_range": speeds, **derived}, speeds)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.

@@ -14,7 +14,7 @@ from fbid_gym.motions.kinematics import (
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.lean import legs_in_plane
+from fbid_gym.motions.legs import legs_in_plane
 from fbid_gym.robots import load
 
 HZ = 1000
@@ -46,9 +46,9 @@ def biped():
 
 
 def test_curves_know_their_derivatives():
-    curve = cosine(TIME, 3.0, 0.4).times(rise(TIME, 0.02, 0.12)).plus(cosine(TIME, 5.0).scaled(0.3))
+    curve = rise(TIME, 0.02, 0.12).plus(cosine(TIME, 3.0, 0.4), cosine(TIME, 5.0).scaled(0.3))
     np.testing.assert_allclose(derivative(curve.value), curve.rate[2:-2], atol=2e-2)
-    smooth = cosine(TIME, 3.0, 0.4).times(cosine(TIME, 5.0)).scaled(2.0, 7.0)
+    smooth = cosine(TIME, 3.0, 0.4).plus(cosine(TIME, 5.0)).scaled(2.0, 7.0)
     np.testing.assert_allclose(derivative(smooth.value), smooth.rate[2:-2], atol=1e-4)
     np.testing.assert_allclose(derivative(smooth.rate), smooth.acceleration[2:-2], atol=1e-2)
     start = rise(TIME, 0.02, 0.12)
