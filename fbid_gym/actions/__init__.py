@@ -76,14 +76,10 @@ def make_layer(
     kind: MotionKind,
     options: Mapping[str, Any] | None = None,
 ) -> tuple[ActionLayer, Additions]:
-    """Build an action layer, and what of an action is added to the layer's.
+    """Build an action layer, one of `LAYERS`, and what of an action is added to the layer's.
 
-    Args:
-        name: one of `LAYERS`.
-        robot: whose joints it drives.
-        control_hz: control ticks per second.
-        kind: of motion, what its task asks for.
-        options: arguments of the layer by name, see `layer_options`.
+    It drives a robot's joints with `control_hz` ticks per second, for the kind of motion that its
+    task asks for. The options are its arguments by name, see `layer_options`.
 
     Raises:
         FbidError: unknown layer, unknown option or invalid value, or one that a motion of this kind

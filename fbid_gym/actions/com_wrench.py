@@ -6,19 +6,25 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.balance_law import BalanceLaw
-from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions, contact_belief
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
-from fbid_gym.actions.law import Law, LawLayer, no_lighter
+from fbid_gym.actions.law import Law, LawLayer, OnContacts, no_lighter
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
-from fbid_gym.control.body_law import NONE, Command, stabilise
-from fbid_gym.control.momentum_balance import PostureGains
-from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.control.body_law import NONE, Command, LawMemory, stabilise
+from fbid_gym.control.contact_forces import ContactLimits, limit_rows, wrench_scale
+from fbid_gym.control.momentum_balance import (
+    MomentumBalance,
+    PostureGains,
+    balance_torque,
+    desired_wrench,
+)
+from fbid_gym.dynamics.centroidal import centroidal_terms, find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.support import support_frame
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
@@ -26,17 +32,81 @@ from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
+
+@dataclass(frozen=True, eq=False)
+class BalanceLaw(OnContacts):
+    """A paper's balancer on a robot's feet, for motions that are planned; some feet may swing."""
+
+    constants: MomentumBalance  # of the law
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        contact: ContactOptions,
+        balancer: str,
+        hertz: Mapping[str, float],
+        ratio: float,
+        moment_priority: float,
+        push: np.ndarray,
+    ) -> "BalanceLaw":
+        """Build the law.
+
+        It holds the parts of a robot with frequencies (Hz) and a damping ratio; `push` is the
+        wrench of action 1.
+        """
+        stance, limits = Stance.of(robot), contact.limits(robot)
+        gains = papers_gains(robot, balancer, hertz, ratio)
+        cost = (1.0,) * 3 + (moment_priority,) * 3
+        constants = MomentumBalance(
+            BALANCERS[balancer],
+            gains.of_velocity() if balancer == "ott2011" else gains.of_momentum(),
+            PostureGains.of(hertz["posture"], hertz["swing"], ratio),
+            push=push,
+            gravity=robot.gravity,
+            geometry=stance.geometry,
+            heading=stance.heading,
+            legs=stance.legs,
+            limits=limit_rows(limits or ContactLimits(), robot.num_points),
+            torque_limit=robot.torque_limit[None].copy(),
+            weight=np.array([robot.weight]),
+            scale=wrench_scale(stance.length, cost if limits is not None else None),
+            passive=contact.passive(robot),
+            limited=limits is not None,
+        )
+        belief = contact_belief(contact.contacts, robot, control_hz)
+        return cls(robot, belief, contact.ramp(control_hz), constants)
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        target: Target,
+        terms: DynamicsTerms,
+        memory: Memory,
+    ) -> np.ndarray:
+        """Return joint torques, (N, n) N·m; arguments as of `ActionLayer.torque`."""
+        active, own = self.belief(state, target), LawMemory.of(memory)
+        torque = balance_torque(self.constants, active, action, state, target, terms, own)
+        return torque if self.ramp is None else self.ramp.torque(torque, active, memory)
+
+    def desired(
+        self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
+    ) -> np.ndarray:
+        """Return the acceleration that it asks of the centre of mass, (N, 3) m/s^2, world."""
+        law, body = self.constants, find_centroidal_terms(terms, state.qvel)
+        frame, push = support_frame(law.heading, terms), law.push * action
+        wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
+        return wrench[:, :3] / body.mass[:, None] - np.array([0.0, 0.0, law.gravity])
+
+
 BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
 """The papers' balancers -> what they are in `fbid_gym.control.balancers`."""
 
 _INVERSE_DYNAMICS = "inverse_dynamics"
-_PAPERS = {
-    "balance": Falling(1.2),
-    "height": Falling(2.0),
-    "rotation": Falling(2.0),
-    "posture": Falling(1.7),
-    "swing": Falling(6.8),
-}
+# Of the papers' balancers: frequencies in units of falling, and the damping ratio.
+_PAPERS = {"balance": 1.2, "height": 2.0, "rotation": 2.0, "posture": 1.7, "swing": 6.8}
 _PAPERS_RATIO = 1.5
 
 
@@ -107,11 +177,8 @@ class ComWrench(LawLayer):
         if balancer != _INVERSE_DYNAMICS:
             priority = 1.0 if body.moment_priority is None else body.moment_priority
             hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
-            own = papers_gains(robot, balancer, hertz, ratio)
-            on_errors = own.of_velocity() if balancer == "ott2011" else own.of_momentum()
-            gains = on_errors, PostureGains.of(hertz["posture"], hertz["swing"], ratio)
             rival = BalanceLaw.of(
-                *(robot, control_hz, assumed, BALANCERS[balancer], gains, priority, scale)
+                robot, control_hz, assumed, balancer, hertz, ratio, priority, scale
             )
             told = {f"{part}_frequency": value for part, value in hertz.items()}
             return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio}, False)
@@ -168,8 +235,8 @@ def _papers_frequencies(
     for name in ("velocity_gain", "loop_delay"):
         if getattr(body, name):
             raise InvalidValueError(name, getattr(body, name), f"0, {expected}")
-    given = {part: _PAPERS[part] if x is None else x for part, x in body.frequencies.items()}
-    hertz = {part: in_hertz(robot, x) for part, x in given.items()}
+    given = body.frequencies.items()
+    hertz = {k: in_hertz(robot, Falling(_PAPERS[k]) if x is None else x) for k, x in given}
     for part, value in hertz.items():
         if isinstance(value, tuple):
             raise InvalidValueError(f"{part}_frequency", value, f"a number of Hz, {expected}")

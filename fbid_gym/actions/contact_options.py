@@ -1,24 +1,166 @@
-"""What the model-based layers assume of contacts: the options that they share."""
+"""What the model-based layers assume of contacts: the options that they share.
 
+Which points are in contact, how a torque goes from one set of contacts to the next, and what the
+contact forces can be.
+"""
+
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.contact_belief import Schedule
-from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.compiled import kernel
 from fbid_gym.control.contact_forces import ContactLimits
 from fbid_gym.dynamics.passive_joints import PassiveJoints
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
+from fbid_gym.quantities import Memory, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.home_check import ASSUMED_FRICTION, friction_of_feet
 
-CONTACT_LIMITS = ("friction", "none")
+ContactBelief = Callable[[RobotState, Target], np.ndarray]
+"""Returns which points are in contact: (N, P) bool."""
 
-ContactLimit = Annotated[str, Choice(CONTACT_LIMITS)]
-Friction = Annotated[float, Number(0.0, 10.0)]
-Ramp = Annotated[float, Number(0.0, 10.0, "s")]
+Schedule = Sequence[tuple[float, Sequence[str]]]
+
+CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
+
+LONGEST_SCHEDULE = 100_000
+"""Control ticks of a schedule; all of them are kept."""
+
+MEASURED_LOAD = 0.005
+"""Share of the robot's weight that a point must carry to count as measured contact."""
+
+
+def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> ContactBelief:
+    """Build a contact belief.
+
+    Args:
+        contacts: "planned", those of the feet that shall stand; "all"; "measured", the
+            points that carried weight on the last physics step; or a schedule [(seconds, names of
+            the feet on the ground), ...], repeated for ever.
+        robot: whose feet.
+        control_hz: control ticks per second.
+
+    Raises:
+        FbidError: not one of these, a foot that does not exist, or a phase without duration.
+    """
+    points = robot.num_points
+    if isinstance(contacts, str):
+        if contacts == "all":
+            return lambda state, target: np.ones((len(state.tick), points), bool)
+        if contacts == "planned":
+            foot = np.repeat(np.arange(robot.num_feet), [len(foot.points) for foot in robot.feet])
+            return lambda state, target: target.planted.take(foot, axis=1)
+        if contacts == "measured":
+            least = (MEASURED_LOAD * robot.weight) ** 2
+            return lambda state, _: np.vecdot(state.contact_force, state.contact_force) > least
+        raise UnknownOptionError("contacts", contacts, CONTACTS)
+    table = _schedule_table(contacts, robot, control_hz)
+    return lambda state, target: table[state.tick % len(table)]
+
+
+def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:
+    """Points in contact at each control tick of one period: (T, P) bool."""
+    longest = LONGEST_SCHEDULE / control_hz
+    expected = f"phases (seconds >= {1 / control_hz:g}, feet on the ground), {longest:g} s in all"
+    seconds = Number(0.0, longest)
+    if not isinstance(schedule, Sequence):
+        raise InvalidValueError("contacts", schedule, expected)
+    phases, ticks = [], 0
+    for phase in schedule:
+        if not isinstance(phase, Sequence) or len(phase) != 2 or not seconds.holds(phase[0]):
+            raise InvalidValueError("contacts", schedule, expected)
+        feet = phase[1]
+        if not isinstance(feet, Collection) or isinstance(feet, str):
+            raise InvalidValueError("contacts", schedule, expected)
+        for foot in feet:
+            Choice(robot.foot_names).check("foot in contacts", foot)
+        down = [np.full(len(foot.points), foot.name in feet) for foot in robot.feet]
+        lasting = round(phase[0] * control_hz)
+        ticks += lasting
+        if lasting < 1 or ticks > LONGEST_SCHEDULE:
+            raise InvalidValueError("contacts", schedule, expected)
+        phases.append(np.tile(np.concatenate(down), (lasting, 1)))
+    if not phases:
+        raise InvalidValueError("contacts", schedule, "at least one phase (seconds, feet)")
+    return np.concatenate(phases)
+
+
+_UNKNOWN = -1
+
+
+@dataclass(frozen=True)
+class ContactRamp:
+    """Leads the torque of a layer from one set of contacts to the next.
+
+    When contacts switch, the law's torque jumps by some d from the last tick to this. The ramp adds
+    -d, and takes it away again linearly in time. So the torque goes on from where it was, feedback
+    acts through the new contacts at once, and the load of a foot fades in or out. A switch during a
+    ramp adds its own difference to what is left.
+    """
+
+    ticks: int  # control ticks of a ramp
+
+    def memory(self, num_robots: int, num_points: int, num_joints: int) -> Memory:
+        """Return what is remembered of robots that have not moved yet."""
+        return {
+            "ramp_contacts": np.full((num_robots, num_points), _UNKNOWN, np.int64),
+            "ramp_ticks": np.zeros(num_robots, np.int64),
+            "ramp_torque": np.zeros((num_robots, num_joints)),
+            "ramp_law": np.zeros((num_robots, num_joints)),
+        }
+
+    def torque(self, torque: np.ndarray, active: np.ndarray, memory: Memory) -> np.ndarray:
+        """Return the torques (N, n) to apply; updates the memory.
+
+        The law's are `torque` (N, n), with the contacts `active` (N, P) bool.
+        """
+        return _fade(
+            torque, active, self.ticks, _Ramp(*(memory[f"ramp_{name}"] for name in _Ramp._fields))
+        )
+
+
+class _Ramp(NamedTuple):
+    """What is remembered of N robots, to be updated."""
+
+    contacts: np.ndarray  # (N, P) int64, which points were in contact a tick ago, or `_UNKNOWN`
+    ticks: np.ndarray  # (N,) int64, left of the ramp
+    torque: np.ndarray  # (N, n) N·m, what the ramp adds
+    law: np.ndarray  # (N, n) N·m, of the law a tick ago
+
+
+@kernel
+def _fade(torque: np.ndarray, active: np.ndarray, ticks: int, ramp: _Ramp) -> np.ndarray:
+    """Go on with the ramps by a tick, begin others where contacts have switched, and add them.
+
+    See `ContactRamp.torque`. Unknown contacts become the present ones.
+    """
+    contacts, left, added, before = ramp
+    result = np.empty(torque.shape)
+    for i in range(len(torque)):
+        unknown, switched = contacts[i, 0] == _UNKNOWN, False
+        for j in range(active.shape[1]):
+            switched |= contacts[i, j] != active[i, j]
+            contacts[i, j] = active[i, j]
+        share = 0.0
+        if left[i] > 0:
+            left[i] -= 1
+            share = left[i] / (left[i] + 1.0)
+        for j in range(torque.shape[1]):
+            added[i, j] *= share
+            if switched and not unknown:
+                added[i, j] += before[i, j] - torque[i, j]
+            before[i, j] = torque[i, j]
+            result[i, j] = torque[i, j] + added[i, j]
+        if switched and not unknown:
+            left[i] = ticks
+    return result
+
+
+CONTACT_LIMITS = ("friction", "none")
 
 _RAMP_ON_SOLES = 0.14  # pendulum times
 _CAREFUL = 0.9
@@ -31,12 +173,12 @@ class ContactOptions:
     contacts: str | Schedule = "planned"
     """Which points are taken to be on the ground: "planned", those of the feet that shall stand;
     "all"; "measured"; or a schedule [(seconds, feet on the ground), ...]."""
-    contact_limits: ContactLimit = "friction"
+    contact_limits: Annotated[str, Choice(CONTACT_LIMITS)] = "friction"
     """"friction" limits the contact forces; "none" is the papers' form."""
-    contact_ramp: Ramp | None = None
+    contact_ramp: Annotated[float, Number(0.0, 10.0, "s")] | None = None
     """s that the torque takes to what a switch of contacts makes of it; at 0 it jumps, as in [M10]
     IV.D. None: 0, but for gaits on soles 0.14 of the time in which the robot falls."""
-    friction: Friction | None = None
+    friction: Annotated[float, Number(0.0, 10.0)] | None = None
     """Coefficient assumed of every contact. None: 0.6, or nine tenths of what the model's feet have
     on its ground, if that is less."""
     notice_slip: bool = True
@@ -60,12 +202,11 @@ class ContactOptions:
         # from 0.26 to 0.14 of a limit, and the velocity error from 0.084 to 0.094 m/s.
         ramp = _RAMP_ON_SOLES / kind.omega if kind.gait and robot.has_soles else 0.0
         least = friction_of_feet(robot.at_home, robot.feet)
+        friction = min(ASSUMED_FRICTION, _CAREFUL * least)
         return replace(
             self,
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,
-            friction=min(ASSUMED_FRICTION, _CAREFUL * least)
-            if self.friction is None
-            else self.friction,
+            friction=friction if self.friction is None else self.friction,
         )
 
     @property

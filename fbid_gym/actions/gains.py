@@ -15,16 +15,12 @@ from fbid_gym.robots import Robot
 PARTS = ("balance", "height", "rotation", "posture", "swing")
 """What has a frequency of its own, by the names of `BodyGains`."""
 
-JOINTS_FIRST = 1e-3
-"""Base priority of layers that command joints: where feet do not allow both, the base yields."""
-
 PRIORITY_ACTION = "priority of the moment (x 4 at 1, / 4 at -1)"
 """Name of the entry of an action that changes it."""
 
 _PRIORITY_RANGE = 4.0
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
-
 
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
@@ -42,8 +38,9 @@ def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
     table = _PLANNED
     if kind.gait:
         table = _GAIT_ON_SOLES if robot.has_soles else _GAIT
-    if kind.gait and has_spare_joints(robot):
-        # Held as firmly as a foot in the air: else a leg turns about its ends.
+    if kind.gait and not robot.has_soles and robot.num_joints > 3 * robot.num_feet:
+        # It can move while its feet and its base stay where they are: a leg turns about its ends,
+        # unless it is held as firmly as a foot in the air.
         table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
     scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
     gains = BodyGains(*map(float, scaled))
@@ -151,11 +148,6 @@ def meant(gains: BodyGains) -> dict[str, Any]:
     """Return what options of the body layers say the same as gains."""
     told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in PARTS}
     return {**told, "damping_ratio": 1.0}
-
-
-def has_spare_joints(robot: Robot) -> bool:
-    """Whether it can move while its feet, which are points, and its base stay where they are."""
-    return not robot.has_soles and robot.num_joints > 3 * robot.num_feet
 
 
 def in_hz(stiffness: float) -> float:

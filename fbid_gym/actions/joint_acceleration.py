@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
+from fbid_gym.actions.gains import default_gains, in_hz
 from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import GetTerms
@@ -70,11 +70,8 @@ class JointAcceleration(LawLayer):
             omega = np.sqrt(gains.swing)
         if scale is None:
             scale = _SCALE * Stance.of(robot).falling_rate ** 2
-        assumed = contact.on(robot, kind)
-        firm = gains._replace(hold=0.0)
-        law = Law.of(
-            *(robot, control_hz, assumed, firm, 1.0), feet_first=False, base_priority=JOINTS_FIRST
-        )
+        assumed, firm = contact.on(robot, kind), gains._replace(hold=0.0)
+        law = Law.of(robot, control_hz, assumed, firm, 1.0, joints_first=True)
         motion = JointMotion.of(robot, kind, gains, aware=True)
         damping = 2.0 * damping_ratio * float(omega)
         return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)

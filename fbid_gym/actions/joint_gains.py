@@ -73,14 +73,9 @@ class JointGains(NamedTuple):
         damping_ratio: float,
         loop_delay: float = 0.0,
     ) -> "JointGains":
-        """Derive the gains.
+        """Derive the gains of a natural frequency, in Hz or in units of falling, and a zeta.
 
-        Args:
-            robot: whose joints.
-            control_hz: control ticks per second.
-            natural_frequency: f in Hz, or in units of falling.
-            damping_ratio: zeta.
-            loop_delay: s from the state to the torque that answers it.
+        Torques answer the state after a `loop_delay` (s).
 
         Raises:
             InvalidValueError: beyond what any joint can be held with.
@@ -113,13 +108,8 @@ def feedback(
 ) -> np.ndarray:
     """Return held + K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n).
 
-    Args:
-        gains: K_P, K_D and d.
-        added: (N, n) rad (m for slides), to the joints' target.
-        added_rate: (N or 1, n) per s.
-        held: (N or 1, n) N·m, as is the result.
-        state: of the robots.
-        target: q_t and qdot_t, one row for each robot or one for all.
+    To the joints' target come `added` (N, n) rad (m for slides) and `added_rate` (N or 1, n) per s;
+    it has one row for each robot or one for all. What is held is (N or 1, n) N·m.
     """
     torque = np.empty(added.shape)
     for i in range(len(torque)):
@@ -268,12 +258,8 @@ def sampled_growth(
     radius of that linear system, below 1 if every mode decays. Torques that wait are part of its
     state; one that arrives within a tick acts as the mean of the old and the new one.
 
-    Args:
-        robot: the robot.
-        stiffness: (n,) N·m/rad, or a matrix (n, n).
-        damping: (n,) N·m·s/rad.
-        control_hz: control ticks per second.
-        loop_delay: s from the state to the torque that answers it.
+    Stiffness is (n,) N·m/rad, or a matrix (n, n), damping (n,) N·m·s/rad, `loop_delay` s from the
+    state to the torque that answers it.
     """
     mobility = _mobility(robot)
     stiff = mobility * stiffness if stiffness.ndim == 1 else mobility @ stiffness
@@ -283,11 +269,8 @@ def sampled_growth(
 def growth(stiff: np.ndarray, damped: np.ndarray, control_hz: int, loop_delay: float) -> float:
     """Return the growth of motion in a tick where torques answer it as `sampled_growth` says.
 
-    Args:
-        stiff: (k, k) 1/s^2, acceleration back for each displacement.
-        damped: (k, k) 1/s, likewise for each velocity.
-        control_hz: control ticks per second.
-        loop_delay: s from the state to the torque that answers it.
+    `stiff` (k, k) 1/s^2 are the accelerations back for each displacement, `damped` (k, k) 1/s
+    those for each velocity.
     """
     tick, size = 1.0 / control_hz, len(stiff)
     ticks = round(loop_delay * control_hz, 6)

@@ -21,7 +21,7 @@ from fbid_gym.actions.joint_gains import (
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget, LegJoints, find_joints
 from fbid_gym.actions.layer import GetTerms, Memoryless
 from fbid_gym.actions.pendulum import Pendulum, carry
-from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, LoopDelay, TargetScale
+from fbid_gym.actions.ranges import DampingRatio, Hertz, LoopDelay, TargetScale
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
@@ -92,9 +92,18 @@ class JointPosition(Memoryless):
             expected = "False or None where the home posture is followed"
             raise InvalidValueError("pendulum", pendulum, expected)
         falls = kind.steps and not at_home if pendulum is None else pendulum
-        usual = default_frequency(kind._replace(gait=falls), robot)
-        asked = natural_frequency, damping_ratio
-        gains = _gains(robot, control_hz, asked, usual, loop_delay)
+        servos = natural_frequency is None and servos_carry(robot)
+        servos = servos and not servo_fault(robot, control_hz, loop_delay)
+        if servos or natural_frequency == SERVO:
+            if damping_ratio != _DAMPING_RATIO:
+                expected = f"{_DAMPING_RATIO:g} beside the gains of the file's servos, which have "
+                expected += "their own damping; or a natural_frequency in Hz"
+                raise InvalidValueError("damping_ratio", damping_ratio, expected)
+            gains = JointGains.of_servos(robot, control_hz, loop_delay)
+        else:
+            walks = kind._replace(gait=falls)
+            frequency: Any = natural_frequency or default_frequency(walks, robot)
+            gains = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         if falls and robot.has_soles:
             inertia = Stance.of(robot).standing_inertia
             gains = gains._replace(stiffness=damped_enough(*gains[:2], inertia))
@@ -148,21 +157,3 @@ def _place_feet(
     """Return the torques (N, n) N·m of `feedback` to the joints that place the feet of a gait."""
     still, followed = np.zeros((1, added.shape[1])), find_joints(legs, target, state, terms)
     return feedback(gains, added, still, held, state, followed)
-
-
-def _gains(
-    robot: Robot, control_hz: int, asked: tuple[Any, float], usual: Falling, loop_delay: float
-) -> JointGains:
-    """Return gains of a frequency and a damping ratio that are asked for."""
-    frequency, damping_ratio = asked
-    carried = frequency is None and servos_carry(robot)
-    if carried and not servo_fault(robot, control_hz, loop_delay):
-        frequency = SERVO
-    if frequency == SERVO:
-        if damping_ratio != _DAMPING_RATIO:
-            expected = f"{_DAMPING_RATIO:g} beside the gains of the file's servos, which have their"
-            expected += " own damping; or a natural_frequency in Hz"
-            raise InvalidValueError("damping_ratio", damping_ratio, expected)
-        return JointGains.of_servos(robot, control_hz, loop_delay)
-    frequency = usual if frequency is None else frequency
-    return JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)

@@ -1,12 +1,12 @@
 """Layer `joint_position_feedforward`: a soft PD controller, and the motion's torque ahead of it."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
+from fbid_gym.actions.gains import BodyOptions, in_hz
 from fbid_gym.actions.joint_gains import JointGains, feedback
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget
 from fbid_gym.actions.law import Law, LawLayer
@@ -20,13 +20,55 @@ from fbid_gym.actions.ranges import (
     TargetScale,
     in_hertz,
 )
-from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.compiled import kernel
 from fbid_gym.control.body_law import Command
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
+
+
+class SmoothTarget(NamedTuple):
+    """Critically damped second-order response to u = scale * action, held for a control tick.
+
+    xdd = w^2 (u - x) - 2 w xdot, solved exactly: with e = x - u and c = xdot + w e at a tick, the
+    time t later x = u + (e + c t) exp(-w t) and xdot = (xdot - w c t) exp(-w t).
+    """
+
+    scale: float  # u at action 1
+    omega: float  # w, rad/s
+    tick: float  # s, of the control
+
+
+@kernel
+def acceleration_of(
+    smooth: SmoothTarget, action: np.ndarray, target: np.ndarray, target_rate: np.ndarray
+) -> np.ndarray:
+    """Return the accelerations (N, n) per s^2 of targets (N, n) and their rates, for actions."""
+    acceleration = np.empty(action.shape)
+    for i in range(len(action)):
+        for j in range(action.shape[1]):
+            error = target[i, j] - smooth.scale * action[i, j]
+            twice = 2.0 * target_rate[i, j] + smooth.omega * error
+            acceleration[i, j] = -smooth.omega * twice
+    return acceleration
+
+
+@kernel
+def move_on(
+    smooth: SmoothTarget, action: np.ndarray, target: np.ndarray, target_rate: np.ndarray
+) -> None:
+    """Move targets (N, n) and their rates on to the next tick, for actions (N, n)."""
+    omega, tick = smooth.omega, smooth.tick
+    decay = np.exp(-omega * tick)
+    for i in range(len(action)):
+        for j in range(action.shape[1]):
+            goal = smooth.scale * action[i, j]
+            error, rate = target[i, j] - goal, target_rate[i, j]
+            travel = (rate + omega * error) * tick
+            target[i, j] = goal + (error + travel) * decay
+            target_rate[i, j] = (rate - omega * travel) * decay
+
 
 _BALANCE = Falling(1.7)  # where a motion is planned: critically damped, eq. (20)
 
@@ -106,13 +148,8 @@ class JointPositionFeedforward(LawLayer):
         frequency = in_hertz(robot, target_frequency)
         assumed = contact.on(robot, kind)
         firm_feet = own._replace(hold=0.0)
-        law = Law.of(
-            *(robot, control_hz, assumed, firm_feet, 1.0),
-            feet_first=False,
-            base_priority=JOINTS_FIRST,
-        )
         return cls(
-            law=law,
+            law=Law.of(robot, control_hz, assumed, firm_feet, 1.0, joints_first=True),
             motion=JointMotion.of(robot, kind, own, aware=True),
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),
@@ -139,34 +176,38 @@ class JointPositionFeedforward(LawLayer):
         )
 
     def memory(self, num_robots: int) -> Memory:
-        """Of the law and of the offset."""
-        offset = TargetMemory.fresh(num_robots, self.law.robot.num_joints)
-        return self.law.memory(num_robots) | offset._asdict()
+        """Of the law and of the offset, which rests at zero."""
+        offset, offset_rate = np.zeros((2, num_robots, self.law.robot.num_joints))
+        return self.law.memory(num_robots) | {"target": offset, "target_rate": offset_rate}
 
     def torque(
         self, action: np.ndarray, state: RobotState, target: Target, terms: GetTerms, memory: Memory
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known, own = terms(), TargetMemory.of(memory)
+        known, offset, offset_rate = terms(), memory["target"], memory["target_rate"]
         followed = self.motion.target(state, target, known)
-        offset = offset_of(self.offset, action, own)
-        balance = np.array(self.balance or ())
-        command = _follow(balance, offset, followed, known)
+        added = acceleration_of(self.offset, action, offset, offset_rate)
+        command = _follow(np.array(self.balance or ()), added, followed, known)
         torque = self.law.torque(command, state, target, known, memory)
         joints = JointTarget.of(followed)
-        torque = feedback(self.gains, offset.value, offset.rate, torque, state, joints)
-        move_on(self.offset, action, own)
+        torque = feedback(self.gains, offset, offset_rate, torque, state, joints)
+        move_on(self.offset, action, offset, offset_rate)
         return torque
 
 
 @kernel
-def _follow(balance: np.ndarray, offset: Offset, target: Target, terms: DynamicsTerms) -> Command:
-    """Desired motion of eq. (18), and the centre of mass's by eq. (20), where `balance` has two."""
-    count, joints = offset.value.shape
+def _follow(
+    balance: np.ndarray, added: np.ndarray, target: Target, terms: DynamicsTerms
+) -> Command:
+    """Desired motion of eq. (18), and the centre of mass's by eq. (20), where `balance` has two.
+
+    To the accelerations of the joints comes what is `added` (N, n).
+    """
+    count, joints = added.shape
     desired, body = target.qacc.copy(), np.empty((count, len(balance)))
     for i in range(count):
         for j in range(joints):
-            desired[i, 6 + j] += offset.acceleration[i, j]
+            desired[i, 6 + j] += added[i, j]
         for k in range(len(balance)):
             place = target.com[i, k] - terms.com[i, k]
             rate = target.com_velocity[i, k] - terms.com_velocity[i, k]

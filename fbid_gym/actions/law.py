@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
-from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.actions.contact_options import (
+    ContactBelief,
+    ContactOptions,
+    ContactRamp,
+    contact_belief,
+)
 from fbid_gym.control.body_law import (
     Command,
     LawConstants,
@@ -34,40 +36,47 @@ LEAST_GAIN = 0.05
 _LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _MOST_LOAD = 1.5  # of the weight, on a point foot
-
-
-DIAGNOSTICS = ("residual", "underactuation")
-"""Entries of a memory that are worth reporting."""
-
-
-def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Memory:
-    """Return a law's memory, and its ramp's if any, of robots that have not moved yet."""
-    residual, underactuation = np.zeros((2, num_robots))
-    own: Memory = LawMemory(
-        warm_start=np.zeros((num_robots, 6)),
-        residual=residual,
-        underactuation=underactuation,
-        strength=np.ones(num_robots),
-        grip=np.ones(num_robots),
-        carried=np.zeros((num_robots, robot.num_feet)),
-        priority=np.ones(num_robots),
-        vertical=np.zeros((num_robots, 4)),
-        acceleration=np.zeros((num_robots, robot.nv)),
-    )._asdict()
-    if ramp is not None:
-        own |= ramp.memory(num_robots, robot.num_points, robot.num_joints)
-    return own
+_JOINTS_FIRST = 1e-3  # weight of squared base accelerations beside one for the joints
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
-    """The law on one robot."""
+class OnContacts:
+    """What laws on contacts have in common."""
 
     robot: Robot  # whose joints
-    constants: LawConstants  # of the law
     belief: ContactBelief  # which points are taken to be on the ground
     # Leads the torque through switches of contacts; None where it may jump.
     ramp: ContactRamp | None
+
+    def memory(self, num_robots: int) -> Memory:
+        """Return the memory of robots that have not moved yet."""
+        residual, underactuation = np.zeros((2, num_robots))
+        own: Memory = LawMemory(
+            warm_start=np.zeros((num_robots, 6)),
+            residual=residual,
+            underactuation=underactuation,
+            strength=np.ones(num_robots),
+            grip=np.ones(num_robots),
+            carried=np.zeros((num_robots, self.robot.num_feet)),
+            priority=np.ones(num_robots),
+            vertical=np.zeros((num_robots, 4)),
+            acceleration=np.zeros((num_robots, self.robot.nv)),
+        )._asdict()
+        if self.ramp is not None:
+            own |= self.ramp.memory(num_robots, self.robot.num_points, self.robot.num_joints)
+        return own
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """What it reports: errors of the wrench, directions in which contacts cannot push."""
+        return "residual", "underactuation"
+
+
+@dataclass(frozen=True, eq=False)
+class Law(OnContacts):
+    """The law on one robot."""
+
+    constants: LawConstants  # of the law
     limited: bool  # whether contact forces have limits; else they can pull and never slip
     late: Delay | None  # how late its torques come; None where they come at once
 
@@ -80,24 +89,16 @@ class Law:
         gains: BodyGains,
         moment_priority: float,
         *,
-        feet_first: bool = True,
-        base_priority: float = 1.0,
+        joints_first: bool = False,
         delay: float = 0.0,
     ) -> "Law":
         """Build the law.
 
-        Args:
-            robot: whose joints.
-            control_hz: control ticks per second.
-            contact: what is assumed of contacts.
-            gains: of feet and base.
-            moment_priority: weight of squared errors of the moment (per weight and mean distance of
-                the contact points) beside one for the force (per weight), where the contacts cannot
-                deliver both.
-            feet_first: see `LawConstants`.
-            base_priority: weight of squared base accelerations beside one for the joints, where the
-                layer asks for both.
-            delay: s from a state to the torque that answers it.
+        Where contacts cannot deliver both, squared errors of the moment (per weight and mean
+        distance of the contact points) weigh `moment_priority` times as much as those of the force
+        (per weight). With `joints_first` feet in the air follow their joints, and the base yields
+        where feet do not allow what is asked of base and joints. Torques come `delay` s after the
+        state that they answer.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         cost, inertia = (1.0,) * 3 + (moment_priority,) * 3, _turning_inertia(robot)
@@ -107,14 +108,14 @@ class Law:
             geometry=contact_geometry(robot, share=_SOLE),
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             most_load=math.inf if robot.has_soles else _MOST_LOAD,
-            mobility=stance.mobility(base_priority),
+            mobility=stance.mobility(_JOINTS_FIRST if joints_first else 1.0),
             least_gain=LEAST_GAIN * np.repeat([stance.home_com[2], 1.0], 3),
             nearness=wrench_scale(stance.length, cost),
             gravity=robot.gravity,
             ahead=np.ascontiguousarray(base_from_trunk(robot)[:, 0]),
             turning_inertia=inertia,
             turning_mobility=np.linalg.inv(inertia),
-            feet_first=feet_first,
+            feet_first=not joints_first,
             passive=contact.passive(robot),
             motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
             grip=GripModel.of(
@@ -124,16 +125,17 @@ class Law:
         belief = contact_belief(contact.contacts, robot, control_hz)
         radius = np.array([foot.radius for foot in robot.feet])
         late = Delay(delay, 1.0 / control_hz, robot.gravity, radius) if delay else None
-        return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None, late)
+        return cls(robot, belief, contact.ramp(control_hz), constants, limits is not None, late)
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
-        """What of its memory it reports; by [M10] eq. (15) it misses no wrench that can be had."""
-        return (*DIAGNOSTICS, "strength", "grip") if self.limited else DIAGNOSTICS[1:]
+        """See `OnContacts`; by [M10] eq. (15) it misses no wrench that can be had."""
+        found = super().diagnostics
+        return (*found, "strength", "grip") if self.limited else found[1:]
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
-        own = fresh_memory(self.robot, self.ramp, num_robots)
+        own = super().memory(num_robots)
         if self.late is not None:
             own["sent"] = np.zeros((num_robots, self.late.ticks, self.robot.nv))
         return own
@@ -160,18 +162,16 @@ class Law:
 class LawLayer:
     """What layers on a law have in common."""
 
-    law: Any
+    law: OnContacts
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """Of the law."""
-        found: tuple[str, ...] = self.law.diagnostics
-        return found
+        return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""
-        found: Memory = self.law.memory(num_robots)
-        return found
+        return self.law.memory(num_robots)
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:

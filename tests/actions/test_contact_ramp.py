@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.actions.contact_options import ContactRamp
 from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of
 from tests.pairs import pairs

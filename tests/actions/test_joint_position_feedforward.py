@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, move_on, offset_of
+from fbid_gym.actions.joint_position_feedforward import SmoothTarget, acceleration_of, move_on
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.stance import Stance
@@ -57,18 +57,18 @@ def test_the_target_is_the_exact_critically_damped_response(rng):
     """Goals that change at any tick, against the matrix exponential."""
     scale, tick = 0.4, 0.002
     smooth = SmoothTarget(scale, 2 * np.pi * 3.0, tick)
-    memory, state = TargetMemory.fresh(4, 3), np.zeros((3, 4, 3))
+    place, rate, state = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((3, 4, 3))
     exact, w = second_order(3.0, tick), 2 * np.pi * 3.0
     for k in range(120):
         if k % 7 == 0:
             action = rng.uniform(-1.0, 1.0, size=(4, 3))
         state[2] = scale * action
-        found = offset_of(smooth, action, memory)
-        np.testing.assert_allclose(found.value, state[0], atol=1e-12)
-        np.testing.assert_allclose(found.rate, state[1], atol=1e-11)
+        found = acceleration_of(smooth, action, place, rate)
+        np.testing.assert_allclose(place, state[0], atol=1e-12)
+        np.testing.assert_allclose(rate, state[1], atol=1e-11)
         expected = w**2 * (state[2] - state[0]) - 2 * w * state[1]
-        np.testing.assert_allclose(found.acceleration, expected, atol=1e-9)
-        move_on(smooth, action, memory)
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+        move_on(smooth, action, place, rate)
         state = np.einsum("ij,jkl->ikl", exact, state)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from eval.papers.mistry2010.laws import Law, Tick
 from eval.papers.trial import RATES, Memory, Plan, Wanted
-from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
+from fbid_gym.actions.contact_options import ContactBelief, contact_belief
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.control import operational_space_acceleration, task_acceleration
 from fbid_gym.dynamics import DynamicsTerms

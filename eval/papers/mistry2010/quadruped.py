@@ -11,7 +11,7 @@ from eval.papers.mistry2010.controllers import JointController, PdGains, followi
 from eval.papers.mistry2010.laws import limited, orthogonal
 from eval.papers.mistry2010.laws import rivals as rival_laws
 from eval.papers.trial import RATES, Trial, simulate
-from fbid_gym.actions.contact_belief import contact_belief
+from fbid_gym.actions.contact_options import contact_belief
 from fbid_gym.motions import crawl
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import make_terrain, world_of

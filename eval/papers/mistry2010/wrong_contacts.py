@@ -9,7 +9,7 @@ from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
 from eval.papers.mistry2010.laws import ESTIMATED, Law, limited, measured, orthogonal, posed
 from eval.papers.trial import RATES, Trial, simulate
-from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
+from fbid_gym.actions.contact_options import ContactBelief, contact_belief
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.envs.simulation import Simulation
