@@ -15,7 +15,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.rates import Rates
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT
-from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.plan import Pushes
 
 RATES = Rates(physics=1000, control=500)
 """[M10] IV.A: integration at 1000 Hz, feedback at 500 Hz."""

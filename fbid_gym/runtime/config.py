@@ -45,9 +45,8 @@ from fbid_gym.tasks import (
     task_kind,
     task_options,
 )
-from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
+from fbid_gym.tasks.plan import Duration, Force, Interval, Jump, Noise
 from fbid_gym.tasks.reward import SCALE, WEIGHT
-from fbid_gym.tasks.start import Noise
 
 STATES = ("estimated", "true")
 """What controllers may know of the state."""

@@ -12,11 +12,9 @@ from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.crawl import crawl
 from fbid_gym.tasks.observation import Group
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan, check_schedule
-from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.plan import Plan, Pushes, Start, check_schedule
 from fbid_gym.tasks.reward import SCALE, WEIGHT, Term, Terms, bell
 from fbid_gym.tasks.squat import squat
-from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
 from fbid_gym.tasks.task import Episode, Now, PlannedEpisode, Task
 from fbid_gym.tasks.tracking import Tracking
@@ -125,13 +123,9 @@ def register_reward_term(
 def reward_table(
     name: str, task: Task, weights: Mapping[str, float], scales: Mapping[str, float]
 ) -> dict[str, Term]:
-    """Return the terms of a reward: those of the task and the user's, with the user's numbers.
+    """Return the terms of a task's reward: its own and the user's, with the user's numbers.
 
-    Args:
-        name: of the task.
-        task: the task.
-        weights: name of a term -> its weight instead of that in its table.
-        scales: name of a term -> its scale instead.
+    Weights and scales by the name of a term stand instead of those in its table.
 
     Raises:
         FbidError: a task of a user's whose table is none, a name of no term, or of one without a
@@ -167,16 +161,9 @@ def make_task(
     start: Start,
     options: Mapping[str, Any] | None = None,
 ) -> Task:
-    """Build a task.
+    """Build a task, one of `TASKS`, with episodes of `seconds` and `hz` control ticks per second.
 
-    Args:
-        name: one of `TASKS`.
-        robot: the robot of the task.
-        seconds: length of an episode.
-        hz: control ticks per second.
-        pushes: the disturbances.
-        start: how an episode begins.
-        options: arguments of the task by name, see `task_options`.
+    Options are its arguments by name, see `task_options`.
 
     Raises:
         FbidError: unknown task, unknown option or invalid value; the message names the choices.

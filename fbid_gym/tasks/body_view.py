@@ -34,10 +34,6 @@ def body_view(groups: Groups, body: Body) -> Groups:
 
     Names do not depend on the robot: feet are numbered in the order of the robot's, which is that
     of their places, see `fbid_gym.robots.by_place`; so are places where the ground is seen.
-
-    Args:
-        groups: of a task.
-        body: of its robot.
     """
     robot, units = body.robot, own_units(body)
     found: dict[str, Group] = {}

@@ -12,10 +12,8 @@ from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.observation import Groups
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan
-from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.plan import Plan, Pushes, Start
 from fbid_gym.tasks.reward import Terms
-from fbid_gym.tasks.start import Start
 
 Ground = Callable[[np.ndarray], np.ndarray]
 """Tells how high the ground is, (N, K) m, below points (N, K, 2 or 3) m of the world."""
@@ -100,16 +98,9 @@ class Task(Protocol):
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> Any:
         """Return the measurements for observation, reward and metrics, at the end of a policy step.
 
-        Nothing changes by it: the same arguments give the same measures.
-
-        Args:
-            outcome: of the step.
-            plan: of the robots.
-            memory: of the robots.
-
-        Returns:
-            A named tuple of arrays with a row for each robot. Those of this package have the
-            `outcome`, and as `units` those of lengths, speeds and torques.
+        Nothing changes by it: the same arguments give the same measures. They are a named tuple of
+        arrays with a row for each robot. Those of this package have the `outcome`, and as `units`
+        those of lengths, speeds and torques.
         """
 
     def metrics(self, measured: Any) -> dict[str, np.ndarray]:
@@ -144,13 +135,7 @@ class Episode:
         return cls(**{**vars(episode), **own})
 
     def begin(self, rng: np.random.Generator, qpos: np.ndarray, qvel: np.ndarray) -> Plan:
-        """Draw the state in which an episode begins, near a posture, and its pushes.
-
-        Args:
-            rng: of this episode.
-            qpos: (nq,) posture, see `Start.draw`.
-            qvel: (nv,) its velocity.
-        """
+        """Draw the state in which an episode begins, and its pushes; see `Start.draw`."""
         qpos, qvel = self.start.draw(self.body.robot, qpos, qvel, rng)
         return {"qpos": qpos, "qvel": qvel, **self.pushes.draw(rng, self.seconds, self.hz)}
 

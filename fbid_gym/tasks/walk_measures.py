@@ -166,20 +166,10 @@ def measure_motion(
     to the left, and the height of the ground (N,) m in the world of `terms`.
     """
     count, feet = notes.planted.shape
+    clock, velocity, lack = np.empty((count, 2)), np.empty((count, 3)), np.empty((count, 3))
+    e = np.empty((9, count))
     motion = Motion(
-        command,
-        np.empty((count, 2)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
+        command, clock, velocity, lack, e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8]
     )
     _measure(
         units, foot_of_point, qvel, terms, touching, notes, ground, motion, np.empty(feet, np.bool_)
