@@ -13,7 +13,7 @@ from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.target import MotionKind
+from fbid_gym.motions.target import WALK_CYCLE, MotionKind
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
@@ -24,7 +24,7 @@ _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED, _FIRM = 0.5, 0.4, 2.5
 _FELT = 0.1  # of the controller's damping
 _LEAST_RATIO = 0.2  # of the damping, where ankles are to yield
-_USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
+_USUAL, _WALKING_ON_SOLES = Falling(3.4), 2.5
 
 _RANK = 1e-9
 
@@ -108,8 +108,8 @@ def feedback(
 ) -> np.ndarray:
     """Return held + K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n).
 
-    To the joints' target come `added` (N, n) rad (m for slides) and `added_rate` (N or 1, n) per s;
-    it has one row for each robot or one for all. What is held is (N or 1, n) N·m.
+    `added` is (N, n) rad (m for slides), `added_rate` (N or 1, n) per s, `held` (N or 1, n) N·m.
+    The target has one row for each robot or one for all.
     """
     torque = np.empty(added.shape)
     for i in range(len(torque)):
@@ -219,9 +219,12 @@ def damped_enough(stiffness: np.ndarray, damping: np.ndarray, inertia: np.ndarra
 def default_frequency(kind: MotionKind, robot: Robot) -> Falling:
     """Return the natural frequency of joints unless told otherwise.
 
-    On soles a gait balances by its centre of pressure: stiff legs fight it.
+    On soles a gait balances by its centre of pressure, which stiff legs fight; but quick steps need
+    legs that follow quickly.
     """
-    return _WALKING_ON_SOLES if kind.gait and robot.has_soles else _USUAL
+    if kind.gait and robot.has_soles:
+        return Falling(_WALKING_ON_SOLES * WALK_CYCLE / kind.cycle)
+    return _USUAL
 
 
 def _mobility(robot: Robot) -> np.ndarray:

@@ -73,8 +73,9 @@ class JointPosition(Memoryless):
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they are steady at `control_hz` and 2.5 times as stiff as what carries
                 the robot on half of its feet; else 3.4 times that at which it falls, see `Falling`,
-                carried as a pendulum on soles 2.5 times. Stiffer joints take harder pushes
-                untrained, but turn exploration noise into falls.
+                carried as a pendulum on soles 2.5 times where it walks slowly, and more the quicker
+                its steps are: 3.5 times in a brisk walk of strong legs. Stiffer joints take harder
+                pushes untrained, but turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
             pendulum: whether legs carry the weight along the line from the target's centre of

@@ -11,19 +11,17 @@ from fbid_gym.dynamics.vectors import add, matrix, product, store, turn, vector
 from fbid_gym.quantities import DynamicsTerms, Heading, SupportFrame, Target
 from fbid_gym.robots import Robot
 
+WALK_CYCLE = 3.4
+"""Pendulum times in which a biped that walks slowly takes two steps."""
+
 
 class MotionKind(NamedTuple):
-    """The kind of motion of a task; defaults of layers depend on it.
+    """The kind of motion of a task; defaults of layers depend on it."""
 
-    Attributes:
-        gait: whether a gait makes the target online, from where the robot is; else it is planned.
-        omega: 1/s, rate at which the robot falls while it moves so.
-        steps: whether feet leave the ground.
-    """
-
-    gait: bool
-    omega: float
-    steps: bool = True
+    gait: bool  # whether a gait makes the target online, from where the robot is; or it is planned
+    omega: float  # 1/s, rate at which the robot falls while it moves so
+    steps: bool = True  # whether feet leave the ground
+    cycle: float = WALK_CYCLE  # 1/omega in which each foot steps once; planned ones are slow
 
 
 NUMBERS = (

@@ -155,7 +155,7 @@ class Tracking(PlannedEpisode):
     def kind(self) -> MotionKind:
         """See `Task.kind`."""
         ticks = np.arange(self.motion.period)
-        planted = self.motion.reference(ticks, np.zeros(len(ticks))).planted
+        planted = self.motion.reference(ticks, np.full(len(ticks), self.speed_range[0])).planted
         return planned_kind(self.body.robot, steps=not planted.all())
 
     def draw(self, rng: np.random.Generator) -> Plan:

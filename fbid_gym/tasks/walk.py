@@ -236,7 +236,7 @@ class Walk(Episode):
     @property
     def kind(self) -> MotionKind:
         """See `Task.kind`."""
-        return MotionKind(True, self.gait.omega)
+        return MotionKind(True, self.gait.omega, cycle=self.derived["gait_period"])
 
     def advance(self, plan: Plan, now: Now) -> None:
         """Advance the gait by a tick, and note the motion of the feet."""

@@ -28,18 +28,33 @@ def test_the_zero_action_walks(robot, layer):
     upright(walking(robot, layer, 4), 5.0)
 
 
+def staying(batch):
+    """How many robots stay up through an episode by the zero action."""
+    standing, zero = np.ones(batch.num_envs, bool), np.zeros((1, len(batch.action_names)))
+    for _ in range(batch.num_steps):
+        standing &= ~batch.step(zero.repeat(batch.num_envs, axis=0)).terminated
+    return standing.sum()
+
+
 @pytest.mark.parametrize("layer", ["joint_position", "task_space_position"])
 def test_ankles_keep_most_bipeds_up(layer):
     """Without a pendulum's force all fall within three seconds."""
-    up = {}
-    for options in (None, {"pendulum": False}) if layer == "joint_position" else (None,):
-        arguments = {"action_layer": layer, "episode_seconds": 4.0, "layer_options": options}
-        batch = started(ENVIRONMENTS["fbid_gym/BipedWalk-v0"] | arguments, 8)
-        standing, zero = np.ones(8, bool), np.zeros((8, len(batch.action_names)))
-        for _ in range(batch.num_steps):
-            standing &= ~batch.step(zero).terminated
-        up[options is None] = standing.sum()
-    assert up[True] >= 6 and up.get(False, 0) <= 1
+    biped = ENVIRONMENTS["fbid_gym/BipedWalk-v0"] | {"action_layer": layer, "episode_seconds": 4.0}
+    assert staying(started(biped, 8)) >= 6
+    if layer == "joint_position":
+        assert staying(started(biped | {"layer_options": {"pendulum": False}}, 8)) <= 1
+
+
+def test_quick_steps_have_stiffer_joints():
+    """By as much as they are quicker; as soft as in a slow walk a biped falls in a brisk one."""
+    brisk = ENVIRONMENTS["fbid_gym/BipedWalk-v1"] | {"robot": "zoo:biped:5"}
+    brisk |= {"action_layer": "joint_position", "episode_seconds": 16.0}
+    slow, quick = started(brisk | {"gait": "walk"}, 1), started(brisk, 16)
+    slowly, quickly = (batch.layer.natural_frequency for batch in (slow, quick))
+    lasts = [batch.task.derived["gait_period"] for batch in (slow, quick)]
+    np.testing.assert_allclose(quickly / slowly, lasts[0] / lasts[1])
+    soft = started(brisk | {"layer_options": {"natural_frequency": slowly}}, 16)
+    assert staying(quick) >= staying(soft) + 8
 
 
 def test_torques_of_joint_pd_go_through_lift_off():

@@ -61,6 +61,14 @@ def along(robot, target, row, time):
     return MuJoCoDynamics(robot).terms(qpos[None], (qvel + time * qacc)[None])
 
 
+def test_a_crawl_need_not_know_how_to_stand_still():
+    """Its speeds may leave out zero."""
+    usual = ENVIRONMENTS["fbid_gym/QuadrupedCrawl-v0"]
+    both = usual, usual | {"speed_range": (0.03, 0.04)}
+    at_rest, always = (EnvConfig.of(own).make_task(load("quadruped")).kind for own in both)
+    assert at_rest == always and always.steps
+
+
 @pytest.mark.parametrize("name", PLANNED)
 def test_planned_rates_are_those_of_what_is_planned(name):
     """Of feet and centre of mass, against differences along the motion of base and joints."""
