@@ -14,7 +14,7 @@ from eval.papers.inertial_parameters.inertia import (
 )
 from eval.papers.trial import Belief
 from fbid_gym.dynamics import DynamicsTerms
-from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot
 

@@ -20,6 +20,7 @@ from fbid_gym.dynamics.vectors import (
     product,
     scale,
     store,
+    store_matrix,
     turn,
     vector,
 )
@@ -111,6 +112,4 @@ def _turn(by: Vector, rotations: np.ndarray, row: tuple[int, ...]) -> None:
     """Turn a rotation by a rotation vector (rad, world axes)."""
     quaternion = np.array([[1.0, 0.0, 0.0, 0.0]])
     turn_quaternion(quaternion, 0, 0, by)
-    turned = product(rotation_at(quaternion, 0, 0), matrix(rotations, row))
-    for k in range(3):
-        store(turned[k], rotations, (*row, k))
+    store_matrix(product(rotation_at(quaternion, 0, 0), matrix(rotations, row)), rotations, row)

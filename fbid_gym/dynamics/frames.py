@@ -18,9 +18,10 @@ With R the rotation of the base (world from base) and X = blkdiag(Rᵀ, I₃, I�
 
 The Ẋ v term vanishes at rest, so a check at zero velocity cannot tell whether it was forgotten.
 
-All functions are pure and accept any leading batch axes. Rotations are written as one constant
-linear map of a small product because at small batches the number of array calls, not of operations,
-sets the cost.
+All functions are pure and accept any leading batch axes. Velocities (..., 6 + n) are MuJoCo's; a
+`rotation` (..., 3, 3) beside them is that of the base, world from base. Rotations are written as
+one constant linear map of a small product because at small batches the number of array calls, not
+of operations, sets the cost.
 """
 
 import numpy as np
@@ -55,13 +56,9 @@ _IDENTITY = np.eye(4).reshape(16)
 
 
 def quaternion_to_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation matrix of a quaternion.
+    """Return the rotation matrix (..., 3, 3) of a quaternion (..., 4) w, x, y, z.
 
-    Args:
-        quaternion: (..., 4) w, x, y, z. Need not be of unit length, as in MuJoCo; not zero.
-
-    Returns:
-        (..., 3, 3) rotation R with x_world = R x_body if the quaternion is the body's.
+    With a body's quaternion, x_world = R x_body. It may be of any length, as in MuJoCo, but zero.
     """
     batch = quaternion.shape[:-1]
     products = np.reshape(quaternion[..., :, None] * quaternion[..., None, :], (*batch, 16))
@@ -83,31 +80,18 @@ def _scaled_quaternion(rotation: np.ndarray) -> np.ndarray:
 
 
 def matrix_to_quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Unit quaternion of a rotation matrix, with w ≥ 0.
-
-    Args:
-        rotation: (..., 3, 3).
-
-    Returns:
-        (..., 4) w, x, y, z.
-    """
+    """Return the unit quaternion (..., 4) w, x, y, z, w ≥ 0, of a rotation matrix (..., 3, 3)."""
     quaternion = _scaled_quaternion(rotation)
     quaternion = quaternion / np.sqrt(np.vecdot(quaternion, quaternion))[..., None]
     return np.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """Rotation vector (axis times angle) of a rotation matrix: its logarithm.
+    """Return axis times angle (..., 3) rad, at most π, of a rotation matrix: its logarithm.
 
     The orientation error that turns R into R_desired is `rotation_vector(R_desired Rᵀ)` in world
     axes and `rotation_vector(Rᵀ R_desired)` in body axes. Accurate at all angles; at π exactly
     the sign of the axis is arbitrary.
-
-    Args:
-        rotation: (..., 3, 3).
-
-    Returns:
-        (..., 3) rad, of length at most π.
     """
     quaternion = _scaled_quaternion(rotation)
     w, vector = quaternion[..., 0], quaternion[..., 1:]
@@ -118,14 +102,7 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
 
 
 def skew(vector: np.ndarray) -> np.ndarray:
-    """Matrix of the cross product, with `skew(a) @ b` = a × b.
-
-    Args:
-        vector: (..., 3).
-
-    Returns:
-        (..., 3, 3).
-    """
+    """Return the matrix (..., 3, 3) of the cross product: `skew(a) @ b` = a × b."""
     return np.reshape(vector @ _SKEW_MAP, (*vector.shape[:-1], 3, 3))
 
 
@@ -133,13 +110,12 @@ def skew(vector: np.ndarray) -> np.ndarray:
 
 
 def configuration_to_pinocchio(qpos: np.ndarray, qpos0: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration of a MuJoCo one.
+    """Return Pinocchio's configuration of a MuJoCo one.
 
     Args:
-        qpos: (..., 7 + n) base position (m, world), base quaternion w, x, y, z, joint positions.
-            The quaternion need not be of unit length.
-        qpos0: (7 + n,) the model's `qpos0`: MuJoCo's joints are at rest at their `ref`,
-            Pinocchio's at zero. Its first seven entries are not used.
+        qpos: (..., 7 + n) base position (m, world), base quaternion w, x, y, z of any length, joint
+            positions.
+        qpos0: (7 + n,) the model's: MuJoCo's joints are at rest there, Pinocchio's at zero.
 
     Returns:
         (..., 7 + n) base position, unit quaternion x, y, z, w, joint displacements.
@@ -151,28 +127,15 @@ def configuration_to_pinocchio(qpos: np.ndarray, qpos0: np.ndarray) -> np.ndarra
 
 
 def velocity_to_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Generalized velocity in Pinocchio's coordinates: v_pin = X v.
-
-    Args:
-        velocity: (..., 6 + n) MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
-    """
+    """Return the velocity (..., 6 + n) in Pinocchio's coordinates, v_pin = X v."""
     linear = np.matvec(rotation.mT, velocity[..., :3])
     return np.concatenate((linear, velocity[..., 3:]), axis=-1)
 
 
 def velocity_product(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Acceleration Ẋ v, which Pinocchio's is when MuJoCo's is zero.
+    """Return the acceleration Ẋ v (..., 6 + n), which Pinocchio's is when MuJoCo's is zero.
 
-    Args:
-        velocity: (..., 6 + n) MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n) (−ω × Rᵀ ṗ, 0, 0), with ω in the base frame.
+    That is (−ω × Rᵀ ṗ, 0, 0), with ω in the base frame.
     """
     linear = np.matvec(rotation.mT, velocity[..., :3])
     cross = np.matvec(skew(linear), velocity[..., 3:6])  # a × b = −b × a
@@ -183,28 +146,14 @@ def velocity_product(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def jacobian_from_pinocchio(jacobian: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Jacobian with respect to MuJoCo's generalized velocity: J = J_pin X.
-
-    Args:
-        jacobian: (..., m, 6 + n) with respect to Pinocchio's generalized velocity.
-        rotation: (..., 3, 3) world from base, with the batch axes of `jacobian`.
-
-    Returns:
-        (..., m, 6 + n).
-    """
+    """Return the Jacobian (..., m, 6 + n) of MuJoCo's velocity from Pinocchio's: J = J_pin X."""
     return np.concatenate((jacobian[..., :3] @ rotation.mT, jacobian[..., 3:]), axis=-1)
 
 
 def mass_matrix_from_pinocchio(mass_matrix: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Mass matrix in MuJoCo's coordinates: M = Xᵀ M_pin X.
+    """Return the mass matrix (..., 6 + n, 6 + n) in MuJoCo's coordinates: M = Xᵀ M_pin X.
 
-    Args:
-        mass_matrix: (..., 6 + n, 6 + n) without armature on the free joint, which MuJoCo holds
-            in its own coordinates: it is added after this.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n, 6 + n).
+    Without armature on the free joint, which MuJoCo holds in its own coordinates: it comes after.
     """
     right = jacobian_from_pinocchio(mass_matrix, rotation)
     return jacobian_from_pinocchio(right.mT, rotation).mT
@@ -213,16 +162,9 @@ def mass_matrix_from_pinocchio(mass_matrix: np.ndarray, rotation: np.ndarray) ->
 def bias_from_pinocchio(
     bias: np.ndarray, mass_matrix: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
 ) -> np.ndarray:
-    """Bias force in MuJoCo's coordinates: h = Xᵀ (h_pin + M_pin Ẋ v).
+    """Return the bias force (..., 6 + n) in MuJoCo's coordinates: h = Xᵀ (h_pin + M_pin Ẋ v).
 
-    Args:
-        bias: (..., 6 + n) Pinocchio's nonlinear effects.
-        mass_matrix: (..., 6 + n, 6 + n) Pinocchio's, without armature on the free joint.
-        velocity: (..., 6 + n) MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
+    Of Pinocchio's nonlinear effects, and its mass matrix without armature on the free joint.
     """
     moved = bias + np.matvec(mass_matrix, velocity_product(velocity, rotation))
     return velocity_to_pinocchio(moved, rotation.mT)  # X is orthogonal

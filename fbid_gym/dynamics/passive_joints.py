@@ -54,14 +54,7 @@ class PassiveJoints(NamedTuple):
 def give_back(
     passive: PassiveJoints, torque: np.ndarray, qpos: np.ndarray, qvel: np.ndarray
 ) -> np.ndarray:
-    """Add to torques (N, n), in place, what passive joints take of them.
-
-    Args:
-        passive: what they do.
-        torque: changed and returned.
-        qpos: (N, nq) of the robots.
-        qvel: (N, nv) likewise.
-    """
+    """Add to torques (N, n) what passive joints take of them, in place; returns these torques."""
     spring, damping = passive.spring, passive.damping
     for i in range(len(torque)):
         for j in range(torque.shape[1]):

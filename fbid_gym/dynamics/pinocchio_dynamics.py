@@ -10,8 +10,7 @@ import pinocchio as pin
 
 from fbid_gym.checks import is_number, real_numbers
 from fbid_gym.dynamics import frames
-from fbid_gym.dynamics.live_terms import zero_terms
-from fbid_gym.dynamics.mujoco_dynamics import check_states
+from fbid_gym.dynamics.mujoco_dynamics import check_states, zero_terms
 from fbid_gym.dynamics.pinocchio_model import pinocchio_model
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
@@ -79,16 +78,10 @@ class PinocchioDynamics:
     def terms(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
         """Return the nominal model's terms at N states.
 
-        Args:
-            qpos: (N, nq) m, quaternion wxyz, rad.
-            qvel: (N, nv) m/s, rad/s.
-
-        Returns:
-            The terms, in arrays of their own.
+        Arguments, result and errors are those of `MuJoCoDynamics.terms`; quaternions may have any
+        length.
 
         Raises:
-            ShapeError: qpos or qvel is not a batch of this robot's states.
-            NonFiniteError: a state holds NaN or infinity.
             InvalidValueError: a quaternion is zero.
         """
         qpos, qvel = check_states(self.robot, qpos, qvel)

@@ -52,8 +52,8 @@ def pinocchio_model(model: mujoco.MjModel) -> pin.Model:
     joint_of, place_of = [0], [pin.SE3.Identity()]
     for body in range(1, model.nbody):
         parent = model.body_parentid[body]
-        joint, place = joint_of[parent], place_of[parent]
-        place = place * _placement(model.body_pos[body], model.body_quat[body])
+        rotation = quaternion_to_matrix(model.body_quat[body])
+        joint, place = joint_of[parent], place_of[parent] * pin.SE3(rotation, model.body_pos[body])
         for index in range(model.body_jntnum[body]):
             source = model.body_jntadr[body] + index
             if model.jnt_type[source] == _FREE:
@@ -81,11 +81,6 @@ def pinocchio_model(model: mujoco.MjModel) -> pin.Model:
         armature[dof] += model.actuator_armature[actuator] * gear**2
     result.armature = armature
     return result
-
-
-def _placement(position: np.ndarray, quaternion: np.ndarray) -> pin.SE3:
-    """Placement of a frame at (3,) m with orientation (4,) wxyz."""
-    return pin.SE3(quaternion_to_matrix(quaternion), position)
 
 
 def _inertia(model: mujoco.MjModel, body: int) -> pin.Inertia:

@@ -55,6 +55,7 @@ class Stance:
         home_base_rotation: (3, 3) of the base.
         falling_rate: 1/s, sqrt(g / height of the centre of mass).
         layout: (P, 2) m, contact points from their centre, seen from above.
+        legs: (F, n) bool, joints that move this foot and no other.
     """
 
     geometry: ContactGeometry
@@ -66,6 +67,7 @@ class Stance:
     home_base_rotation: np.ndarray
     falling_rate: float
     layout: np.ndarray
+    legs: np.ndarray
 
     @staticmethod
     @once_for_robot
@@ -73,13 +75,15 @@ class Stance:
         """Measure the home stance of a robot; once for each."""
         geometry = contact_geometry(robot)
         terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+        moves = _moves(terms)
+        legs = moves & (moves.sum(axis=0) == 1)
         points = point_positions(geometry, terms)[0]
         centre = points.mean(axis=0)
         layout = (points - centre)[:, :2]
         home_com = terms.com[0] - centre
         return Stance(
             geometry=geometry,
-            hips=_hips(robot, terms),
+            hips=_hips(robot, terms, legs),
             heading=heading_of(geometry, layout),
             terms=terms,
             home_base=terms.base_position[0] - centre,
@@ -87,6 +91,7 @@ class Stance:
             home_base_rotation=terms.world_from_base[0],
             falling_rate=float(np.sqrt(robot.gravity / home_com[2])),
             layout=layout,
+            legs=legs,
         )
 
     @cached_property
@@ -148,15 +153,9 @@ class Stance:
         return inertia
 
     @cached_property
-    def legs(self) -> np.ndarray:
-        """(F, n) bool, joints that move this foot and no other."""
-        return _legs(self.terms)
-
-    @cached_property
     def limbs(self) -> Limbs:
         """Which joints move which feet."""
-        legs = self.legs
-        moves = (np.abs(self.terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0).sum(axis=0)
+        legs, moves = self.legs, _moves(self.terms).sum(axis=0)
         own = np.full((len(legs), max(1, legs.sum(axis=1).max())), -1, np.int64)
         for row, leg in zip(own, legs, strict=True):
             row[: leg.sum()] = 6 + np.flatnonzero(leg)
@@ -190,15 +189,15 @@ def _turns(terms: DynamicsTerms, foot: int, leg: np.ndarray) -> np.ndarray:
     return np.where(np.arange(3)[:, None] < most, axes.T, 0.0) if most < 3 else np.eye(3)
 
 
-def _legs(terms: DynamicsTerms) -> np.ndarray:
-    moves = np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
-    return moves & (moves.sum(axis=0) == 1)
+def _moves(terms: DynamicsTerms) -> np.ndarray:
+    """Which joint moves which foot: (F, n) bool."""
+    return np.asarray(np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0)
 
 
-def _hips(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
+def _hips(robot: Robot, terms: DynamicsTerms, legs: np.ndarray) -> np.ndarray:
     data = robot.at_home.data
     hips = terms.foot_position[0].copy()
-    for foot, leg in enumerate(_legs(terms)):
+    for foot, leg in enumerate(legs):
         if leg.any():
             hips[foot] = data.xanchor[robot.model.dof_jntid[6 + np.flatnonzero(leg)[0]]]
     return hips

@@ -33,6 +33,14 @@ def store(a: Vector, array: np.ndarray, row: tuple[int, ...], first: int = 0) ->
 
 
 @compiled
+def store_matrix(a: Rotation, array: np.ndarray, row: tuple[int, ...]) -> None:
+    """Write to array[*row], 3 × 3, row by row."""
+    store(a[0], array, row + (0,))
+    store(a[1], array, row + (1,))
+    store(a[2], array, row + (2,))
+
+
+@compiled
 def add(a: Vector, b: Vector) -> Vector:
     """The sum."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -4,8 +4,7 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.dynamics.mujoco_dynamics import without_contact
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms, without_contact
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.loop_delay import LoopDelay

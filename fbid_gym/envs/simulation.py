@@ -7,7 +7,7 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.contacts import point_positions
-from fbid_gym.dynamics.live_terms import LiveTerms, column_of
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.motors import MotorState, turn_motors

@@ -7,7 +7,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
 from tests.dynamics.models import random_states, relative_error, robot_called
 
 EXACT = 1e-9
