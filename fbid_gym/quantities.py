@@ -170,18 +170,6 @@ class ContactGeometry(NamedTuple):
         return len(self.offset)
 
 
-class ActivePoints(NamedTuple):
-    """Which contact points are taken to be on the ground.
-
-    Attributes:
-        mask: (N, P) or (1, P) bool.
-        switching: whether points come and go. Else all are on the ground, and stay there.
-    """
-
-    mask: np.ndarray
-    switching: bool
-
-
 class Constraint(NamedTuple):
     """What the contacts ask of the acceleration: J a + Jdot v = 0, [M10] eq. (4).
 
@@ -248,18 +236,6 @@ class ForcePath(NamedTuple):
     world_from_contact: np.ndarray
 
 
-class Nearness(NamedTuple):
-    """What "nearest" means where not all that is desired can be had.
-
-    Attributes:
-        mobility: (nv,) of accelerations: how readily each coordinate departs from its desired one.
-        scale: (6,) of wrenches: turns N and N·m into N whose squares are comparable.
-    """
-
-    mobility: np.ndarray
-    scale: np.ndarray
-
-
 class Accuracy(NamedTuple):
     """How well the contact forces are solved for, see `fbid_gym.control.contact_forces`.
 
@@ -274,20 +250,6 @@ class Accuracy(NamedTuple):
     tolerance: float
     max_iterations: int
     torque_steps: int
-
-
-class TaskCommand(NamedTuple):
-    """What a part of the robots shall do before the joints do theirs, [M10] eq. (19).
-
-    Attributes:
-        jacobian: (N, m, nv) or (1, m, nv) J_t, of the part's velocity.
-        bias: (N, m) or (1, m) Jdot_t v.
-        acceleration: (N, m) desired.
-    """
-
-    jacobian: np.ndarray
-    bias: np.ndarray
-    acceleration: np.ndarray
 
 
 class PostureCommand(NamedTuple):

@@ -11,16 +11,12 @@ from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, 
 from fbid_gym.actions.law import Law, LawLayer, OnContacts, no_lighter
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
+from fbid_gym.control.balance import desired_wrench
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
 from fbid_gym.control.body_law import NONE, Command, LawMemory, stabilise
 from fbid_gym.control.contact_forces import ContactLimits, limit_rows, wrench_scale
-from fbid_gym.control.momentum_balance import (
-    MomentumBalance,
-    PostureGains,
-    balance_torque,
-    desired_wrench,
-)
+from fbid_gym.control.momentum_balance import MomentumBalance, PostureGains, balance_torque
 from fbid_gym.dynamics.centroidal import centroidal_terms, find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -61,7 +57,7 @@ class BalanceLaw(OnContacts):
         cost = (1.0,) * 3 + (moment_priority,) * 3
         constants = MomentumBalance(
             BALANCERS[balancer],
-            gains.of_velocity() if balancer == "ott2011" else gains.of_momentum(),
+            gains.on_errors(of_velocity=balancer == "ott2011"),
             PostureGains.of(hertz["posture"], hertz["swing"], ratio),
             push=push,
             gravity=robot.gravity,

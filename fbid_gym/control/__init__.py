@@ -23,8 +23,12 @@ from fbid_gym.control.operational_space import (
     operational_space_acceleration,
     task_acceleration,
 )
-from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import Distribution, distribute, distribute_freely
+from fbid_gym.control.wrench_distribution import (
+    Distribution,
+    distribute,
+    distribute_freely,
+    underactuation,
+)
 from fbid_gym.quantities import Accuracy, TorqueMap
 
 __all__ = [

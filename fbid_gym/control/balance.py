@@ -34,6 +34,7 @@ from fbid_gym.dynamics.vectors import (
     product,
     scale,
     store,
+    store_matrix,
     subtract,
     transposed,
     turn,
@@ -45,6 +46,7 @@ from fbid_gym.quantities import (
     CentroidalTerms,
     DynamicsTerms,
     RobotState,
+    SupportFrame,
     Target,
     WrenchGains,
 )
@@ -79,46 +81,47 @@ def resting_target(com: np.ndarray, rotation: np.ndarray) -> BalanceTarget:
     return BalanceTarget(com, rotation, still, still, still, np.zeros((len(com), 6)))
 
 
-@compiled
-def balance_target(target: Target, terms: DynamicsTerms, body: CentroidalTerms) -> BalanceTarget:
-    """Return what a target in the world asks of the balance of each robot.
+@kernel
+def desired_wrench(
+    gains: WrenchGains,
+    gravity: float,
+    push: np.ndarray,
+    state: RobotState,
+    target: Target,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    frame: SupportFrame,
+) -> np.ndarray:
+    """Return the wrench at the centre of mass that leads robots back to their target in the world.
 
-    Its momentum is that of the robot as it stands moving at the target's velocities.
+    In the world's axes, (N, 6) N and N·m, by [G15] (36) or (38). Gains, all but K_R, and the push
+    (N, 6) that is added are along the axes of the feet's frame; gravity (m/s^2) is along -z. The
+    momentum of the target is that of the robot as it stands, moving at the target's velocities.
     """
     count = len(terms.com)
-    rotation, angular_velocity = np.empty((count, 3, 3)), np.empty((count, 3))
-    angular_momentum, momentum_rate = np.empty((count, 3)), np.empty((count, 6))
+    rotation, momentum_rate = np.empty((count, 3, 3)), np.empty((count, 6))
+    spin, own_spin, angular_momentum = np.empty((3, count, 3))
     for i in range(count):
-        rows = rotation_at(target.qpos, i, 3)
-        for axis in range(3):
-            store(rows[axis], rotation, (i, axis))
-        spin = turn(rows, vector(target.qvel, (i,), 3))
-        store(spin, angular_velocity, (i,))
+        rows, own_rows = rotation_at(target.qpos, i, 3), matrix(terms.world_from_base, (i,))
+        store_matrix(rows, rotation, (i,))
+        store(turn(rows, vector(target.qvel, (i,), 3)), spin, (i,))
+        store(turn(own_rows, vector(state.qvel, (i,), 3)), own_spin, (i,))
         store(scale(body.mass[i], vector(target.com_acceleration, (i,))), momentum_rate, (i,))
         for k in range(3):
             angular_momentum[i, k] = dot(body.matrix[i, 3 + k], target.qvel[i])
             momentum_rate[i, 3 + k] = dot(body.matrix[i, 3 + k], target.qacc[i])
-    return BalanceTarget(
-        target.com, rotation, target.com_velocity, angular_velocity, angular_momentum, momentum_rate
+    asked = BalanceTarget(
+        target.com, rotation, target.com_velocity, spin, angular_momentum, momentum_rate
     )
-
-
-@compiled
-def body_motion(state: RobotState, terms: DynamicsTerms, body: CentroidalTerms) -> BodyMotion:
-    """Return how the robots move as a whole."""
-    count = len(terms.com)
-    angular_velocity = np.empty((count, 3))
+    moving = BodyMotion(
+        *(terms.com, terms.com_velocity, terms.world_from_base, own_spin, body.momentum, body.mass)
+    )
+    wrench = balance_wrench(gains, asked, moving, frame.world_from_support, gravity)
     for i in range(count):
-        spin = turn(matrix(terms.world_from_base, (i,)), vector(state.qvel, (i,), 3))
-        store(spin, angular_velocity, (i,))
-    return BodyMotion(
-        terms.com,
-        terms.com_velocity,
-        terms.world_from_base,
-        angular_velocity,
-        body.momentum,
-        body.mass,
-    )
+        for axis in range(3):
+            wrench[i, axis] += dot(frame.world_from_support[i, axis], push[i, :3])
+            wrench[i, 3 + axis] += dot(frame.world_from_support[i, axis], push[i, 3:])
+    return wrench
 
 
 def desired_wrench_ott2011(
@@ -155,7 +158,7 @@ def desired_wrench_ott2011(
     """
     momentum = np.zeros((len(com), 6))  # (36) does not look at it
     motion = com, com_velocity, rotation, angular_velocity, momentum
-    return _wrench(gains.of_velocity(), target, motion, mass, axes, gravity)
+    return _wrench(gains.on_errors(of_velocity=True), target, motion, mass, axes, gravity)
 
 
 def desired_wrench_garofalo2015(
@@ -171,28 +174,13 @@ def desired_wrench_garofalo2015(
 ) -> np.ndarray:
     """Return the desired wrench at the centre of mass, [G15] eqs. (38), (39).
 
-    That is w_CoM - blkdiag(K_D, D) h, the right side of (38) without the factor Lambda_h.
-
-    Args:
-        gains: of momenta.
-        target: of the robots.
-        com: (N, 3) m, world.
-        rotation: (N, 3, 3) world from base.
-        momentum: (N, 6) kg·m/s and kg·m²/s, world axes.
-        mass: kg, positive; a number or (N,).
-        axes: (N, 3, 3) world from the axes of all gains but K_R. Default: the world's.
-        gravity: m/s^2, along -z.
-
-    Returns:
-        (N, 6) N and N·m, world axes, what the contacts shall do to the robot.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `mass` is not positive.
+    That is w_CoM - blkdiag(K_D, D) h, the right side of (38) without the factor Lambda_h. The gains
+    are of momenta; `momentum` is (N, 6) kg·m/s and kg·m²/s, world axes. All else is as for
+    `desired_wrench_ott2011`.
     """
     still = np.zeros(com.shape)  # (38) does not look at velocities
     motion = com, still, rotation, still, momentum
-    return _wrench(gains.of_momentum(), target, motion, mass, axes, gravity)
+    return _wrench(gains.on_errors(of_velocity=False), target, motion, mass, axes, gravity)
 
 
 def _wrench(

@@ -98,14 +98,10 @@ class BalanceGains:
             rotation_damping=root @ _gain("inertia", inertia) @ root,
         )
 
-    def of_momentum(self) -> "WrenchGains":
-        """Return what (38) makes of errors."""
+    def on_errors(self, *, of_velocity: bool) -> WrenchGains:
+        """Return what (36), of velocities, or (38), of momenta, makes of errors."""
         own = self.stiffness, self.damping, self.rotation_damping, self.rotation_map
-        return WrenchGains(*own, on_velocity=False)
-
-    def of_velocity(self) -> "WrenchGains":
-        """Return what (36) makes of errors."""
-        return self.of_momentum()._replace(on_velocity=True)
+        return WrenchGains(*own, of_velocity)
 
 
 def _rotation_map(stiffness: np.ndarray) -> np.ndarray:

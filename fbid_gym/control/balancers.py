@@ -35,9 +35,9 @@ from functools import partial
 
 import numpy as np
 
-from fbid_gym.checks import contiguous, positive_numbers
+from fbid_gym.checks import positive_numbers
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.equations import contact_sizes, fitted, fitted_all
+from fbid_gym.control.equations import checked_equations, fitted, fitted_all
 from fbid_gym.quantities import (
     CentroidalTerms,
     Constraint,
@@ -79,18 +79,14 @@ def torque_map(
         ShapeError: an array does not fit.
         InvalidValueError: `mobility` is not positive and finite.
     """
-    sizes = contact_sizes(contacts.jacobian)
-    motion = EquationOfMotion(
-        fitted("mass_matrix", terms.mass_matrix, "(N, nv, nv)", sizes),
-        fitted("bias", terms.bias, "(N, nv)", sizes),
+    motion, constraint, sizes = checked_equations(
+        terms.mass_matrix, terms.bias, contacts.jacobian, contacts.bias, "contacts.bias"
     )
-    drift = fitted("contacts.bias", contacts.bias, "(N, k)", sizes)
     of_body = ("(N, 6, nv)", "(N, 6)", "(N,)", "(N, 3, 3)", "(N, 3, 3)", "(N, 6, 6)", "(N, nv, 6)")
     own_body = fitted_all("body.", body, of_body, sizes)
     wanted = fitted("posture", posture, "(N, n)", sizes, np.zeros((1, sizes["n"])))
     readiness = fitted("mobility", mobility, "(N, n)", sizes, np.ones((1, sizes["n"])))
     positive_numbers("mobility", readiness.ravel(), readiness.size)
-    constraint = Constraint(contiguous(contacts.jacobian), drift)
     command = PostureCommand(wanted, readiness)
     return map_torques(balancer, motion, own_body, constraint, command, RIDGE)
 

@@ -67,7 +67,6 @@ from fbid_gym.dynamics.vectors import (
     vector,
 )
 from fbid_gym.quantities import (
-    ActivePoints,
     BodyGains,
     Constraint,
     ContactGeometry,
@@ -236,7 +235,7 @@ def torque_without_limits(
 ) -> np.ndarray:
     """Torques (N, n) by [M10] eq. (15), whose contact forces have no limits."""
     desired = desired_acceleration(law, command, state, target, terms, active)
-    contacts = reduce_contacts(law.geometry, ActivePoints(active, True), terms)
+    contacts = reduce_contacts(law.geometry, active, terms)
     # Of the motion that is desired, which damps what feet move that stand.
     held = np.empty(contacts.bias.shape)
     for i in range(len(held)):

@@ -99,7 +99,10 @@ def point_limits(
     Raises:
         ShapeError: limits or active points do not fit (N, P).
     """
-    _check_limits(limits, count, points)
+    for name in ("friction", "min_normal_force", "max_normal_force"):
+        shape = getattr(limits, name).shape
+        if shape not in ((), (1,), (points,), (1, points), (count, 1), (count, points)):
+            raise ShapeError(name, shape, f"a number, (P,) or (N, P) = {(count, points)}")
     given = np.ones((1, points), bool) if active is None else active
     if active is not None:
         check_shape("active", given, (count, points), "(N, P)")
@@ -116,14 +119,6 @@ def fitted_point_map(point_map: np.ndarray, sizes: Mapping[str, int]) -> np.ndar
     if columns % 3:
         raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
     return fitted("point_map", point_map, "(N, k, 3 P)", {**sizes, "3 P": columns})
-
-
-@lru_cache(maxsize=256)
-def _check_limits(limits: ContactLimits, count: int, points: int) -> None:
-    for name in ("friction", "min_normal_force", "max_normal_force"):
-        shape = getattr(limits, name).shape
-        if shape not in ((), (1,), (points,), (1, points), (count, 1), (count, points)):
-            raise ShapeError(name, shape, f"a number, (P,) or (N, P) = {(count, points)}")
 
 
 @lru_cache(maxsize=256)

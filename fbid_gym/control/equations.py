@@ -68,10 +68,10 @@ def checked_equations(
     mass_matrix: np.ndarray,
     bias: np.ndarray,
     jacobian: np.ndarray,
-    acceleration: np.ndarray,
     jacobian_bias: np.ndarray,
-) -> tuple[EquationOfMotion, Constraint, np.ndarray, dict[str, int]]:
-    """Return equation of motion, constraint of the contacts, desired acceleration, and sizes.
+    drift: str = "jacobian_bias",
+) -> tuple[EquationOfMotion, Constraint, dict[str, int]]:
+    """Return equation of motion, constraint of the contacts, and sizes; `drift` is Jdot v's name.
 
     Raises:
         ShapeError: an array does not fit the Jacobian.
@@ -81,9 +81,8 @@ def checked_equations(
         fitted("mass_matrix", mass_matrix, "(N, nv, nv)", sizes),
         fitted("bias", bias, "(N, nv)", sizes),
     )
-    desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
-    drift = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
-    return motion, Constraint(contiguous(jacobian), drift), desired, sizes
+    own = fitted(drift, jacobian_bias, "(N, k)", sizes)
+    return motion, Constraint(contiguous(jacobian), own), sizes
 
 
 def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
@@ -108,9 +107,7 @@ def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.nd
 def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
     """How readily coordinates depart from their desired acceleration: (nv,), one for joints.
 
-    Args:
-        velocities: nv.
-        base_priority: weight of squared base accelerations, one or six of them.
+    For the base that is one over `base_priority`, one or six weights of its squared accelerations.
 
     Raises:
         InvalidValueError: `base_priority` is not positive and finite.
@@ -122,15 +119,10 @@ def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
 
 @compiled
 def bound_mobility(mobility: np.ndarray, arm: float, bounded: np.ndarray) -> tuple[float, float]:
-    """Write the mobilities of the base, as far from those of the joints, one, as makes sense.
+    """Write the base's six mobilities to `bounded`, as far from the joints', one, as makes sense.
 
-    Args:
-        mobility: (nv,), see `mobility_of`.
-        arm: m, at which shifts count as turns do.
-        bounded: (nv,), whose first six entries are written to.
-
-    Returns:
-        The least and the greatest of those, of shifts as multiples of arm^2.
+    Returned are the least and the greatest of them, those of shifts as multiples of `arm`^2: at
+    this arm (m) shifts count as turns do.
     """
     least, most = np.inf, 0.0
     for i in range(6):

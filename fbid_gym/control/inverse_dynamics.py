@@ -119,9 +119,8 @@ def orthogonal_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: `torque_cost` or `base_priority` is not positive and finite.
     """
-    motion, constraint, desired, sizes = checked_equations(
-        mass_matrix, bias, jacobian, acceleration, jacobian_bias
-    )
+    motion, constraint, sizes = checked_equations(mass_matrix, bias, jacobian, jacobian_bias)
+    desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
     cost = np.empty((0, sizes["n"]))
     if torque_cost is not None:
         axes = "(n,)" if torque_cost.shape == (sizes["n"],) else "(N, n)"

@@ -39,7 +39,7 @@ from fbid_gym.control.equations import (
 )
 from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
-from fbid_gym.quantities import Accuracy, EquationOfMotion, Nearness, PointLimits, ReducedContacts
+from fbid_gym.quantities import Accuracy, EquationOfMotion, PointLimits, ReducedContacts
 from fbid_gym.small_matrices import (
     copy,
     dot,
@@ -100,11 +100,8 @@ def limited_inverse_dynamics(
 ) -> LimitedInverseDynamics:
     """Torques for a desired acceleration, with contact forces that friction and normal force allow.
 
-    [M10] eq. (15) assumes contacts that can pull and never slip. Here the command is made
-    consistent with the contacts, as there. Then come the contact forces within the limits that best
-    deliver its base wrench (M a + h)_base, the nearest consistent acceleration that needs just the
-    wrench they deliver, and the torques from the joint rows of the dynamics. With too few contacts,
-    down to none, the wrench and with it the momentum is what remains possible.
+    See the module. With too few contacts, down to none, the wrench and with it the momentum is what
+    remains possible.
 
     Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
@@ -133,9 +130,8 @@ def limited_inverse_dynamics(
         InvalidValueError: `base_priority`, `length`, `gravity` or `wrench_cost` is not positive and
             finite.
     """
-    motion, constraint, desired, sizes = checked_equations(
-        mass_matrix, bias, jacobian, acceleration, jacobian_bias
-    )
+    motion, constraint, sizes = checked_equations(mass_matrix, bias, jacobian, jacobian_bias)
+    desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
     check_positive(gravity=gravity)
     if point_map is None:
         if sizes["k"] % 3:
@@ -148,7 +144,8 @@ def limited_inverse_dynamics(
         ReducedContacts(*constraint, point_map),
         desired,
         point_limits(limits, active, sizes["N"], point_map.shape[-1] // 3),
-        Nearness(mobility_of(sizes["nv"], base_priority), wrench_scale(length, wrench_cost)),
+        mobility_of(sizes["nv"], base_priority),
+        wrench_scale(length, wrench_cost),
         accuracy,
         gravity,
         fitted("warm_start", warm_start, "(N, 6)", sizes, np.zeros((sizes["N"], 6))),
@@ -161,12 +158,16 @@ def limit_dynamics(
     contacts: ReducedContacts,
     desired: np.ndarray,
     limits: PointLimits,
-    nearness: Nearness,
+    mobility: np.ndarray,
+    scale: np.ndarray,
     accuracy: Accuracy,
     gravity: float,
     start: np.ndarray,
 ) -> LimitedInverseDynamics:
-    """The law of the module, robot by robot; `contacts.point_map` may have one row for all."""
+    """The law of the module, robot by robot; `contacts.point_map` may have one row for all.
+
+    The mobility (nv,) is the diagonal of A^-1, the scale (6,) that of `wrench_scale`.
+    """
     count, rows, velocities = contacts.jacobian.shape
     columns = contacts.point_map.shape[2]
     torque, contact_force = np.empty((count, velocities - 6)), np.empty((count, rows))
@@ -178,21 +179,21 @@ def limit_dynamics(
     base_rows, delivered = np.empty((6, rows)), np.empty(6)
     force, wrench, missing = np.empty(velocities), np.empty(6), np.empty(6)
     held = Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
-    mobility = nearness.mobility.copy()
+    bounded = mobility.copy()
     for i in range(count):
         own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
-        bound_mobility(nearness.mobility, radius_of_gyration(mass_matrix), mobility)
-        hold(jacobian, mobility, held)
+        bound_mobility(mobility, radius_of_gyration(mass_matrix), bounded)
+        hold(jacobian, bounded, held)
         copy(desired[i], acceleration[i])
         make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
         times(mass_matrix, acceleration[i], force)
         force += motion.bias[i]
         for row in range(6):
-            wrench[row] = nearness.scale[row] * force[row]
+            wrench[row] = scale[row] * force[row]
             for k in range(rows):
-                base_rows[row, k] = nearness.scale[row] * jacobian[k, row]
+                base_rows[row, k] = scale[row] * jacobian[k, row]
         multiply(base_rows, own_map, maps)
         limits_in_contact(limits, i, values)
         weight = gravity * mass_matrix[0, 0]
@@ -201,8 +202,8 @@ def limit_dynamics(
         residual[i] = np.sqrt(dot(missing, missing)) / weight
         if residual[i] != 0.0:
             for row in range(6):
-                delivered[row] = missing[row] / nearness.scale[row]
-            _yield_to(mass_matrix, jacobian, held, mobility, delivered, force)
+                delivered[row] = missing[row] / scale[row]
+            _yield_to(mass_matrix, jacobian, held, bounded, delivered, force)
             for j in range(velocities):
                 acceleration[i, j] += force[j]
             times(mass_matrix, acceleration[i], force)

@@ -8,19 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
+from fbid_gym.control.balance import desired_wrench
 from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.body_law import LawMemory
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
+from fbid_gym.control.wrench_distribution import share, underactuation
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import (
-    ActivePoints,
-    CentroidalTerms,
     Constraint,
     ContactGeometry,
     DynamicsTerms,
@@ -31,11 +28,10 @@ from fbid_gym.quantities import (
     PointLimits,
     PostureCommand,
     RobotState,
-    SupportFrame,
     Target,
     WrenchGains,
 )
-from fbid_gym.small_matrices import copy, dot
+from fbid_gym.small_matrices import copy
 
 # A swinging leg follows its own command; the other joints make up for what that does to contacts
 # and momentum.
@@ -88,31 +84,22 @@ def balance_torque(
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for actions (N, 6), which add to the wrench; updates the memory."""
-    points = ActivePoints(active, True)
     body = find_centroidal_terms(terms, state.qvel)
     frame = support_frame(law.heading, terms)
-    contacts = reduce_contacts(law.geometry, points, terms)
+    contacts = reduce_contacts(law.geometry, active, terms)
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     push = law.push * action
     wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
-    posture = _posture(law, points, state, target)
+    posture = _posture(law, active, state, target)
     torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
     give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
     path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
-    if law.limited:
-        found = share_within_limits(
-            torques,
-            path,
-            wrench,
-            Limits(PointLimits(law.limits, active), law.torque_limit),
-            law.scale,
-            law.weight,
-            DEFAULT_ACCURACY,
-            memory.warm_start,
-        )
-    else:
-        found = share_freely(torques, path, wrench, law.scale, law.weight)
+    limits = Limits(PointLimits(law.limits, active), law.torque_limit)
+    found = share(
+        *(torques, path, wrench, limits, law.scale, law.weight, DEFAULT_ACCURACY),
+        *(memory.warm_start, law.limited),
+    )
     copy(found.residual, memory.residual)
     copy(underactuation(contacts.jacobian), memory.underactuation)
     for i in range(len(active)):
@@ -120,34 +107,9 @@ def balance_torque(
     return found.torque
 
 
-@kernel
-def desired_wrench(
-    gains: WrenchGains,
-    gravity: float,
-    push: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-    body: CentroidalTerms,
-    frame: SupportFrame,
-) -> np.ndarray:
-    """Return the wrench at the centre of mass that leads robots back to their target.
-
-    In the world's axes, (N, 6) N and N·m, by [G15] (36) or (38). Gains, all but K_R, and the push
-    (N, 6) that is added are along the axes of the feet's frame; gravity (m/s^2) is along -z.
-    """
-    asked, moving = balance_target(target, terms, body), body_motion(state, terms, body)
-    wrench = balance_wrench(gains, asked, moving, frame.world_from_support, gravity)
-    for i in range(len(wrench)):
-        for axis in range(3):
-            wrench[i, axis] += dot(frame.world_from_support[i, axis], push[i, :3])
-            wrench[i, 3 + axis] += dot(frame.world_from_support[i, axis], push[i, 3:])
-    return wrench
-
-
 @compiled
 def _posture(
-    law: MomentumBalance, active: ActivePoints, state: RobotState, target: Target
+    law: MomentumBalance, active: np.ndarray, state: RobotState, target: Target
 ) -> PostureCommand:
     """Desired accelerations of the joints, and how readily each departs from its own."""
     gains, legs = law.posture, law.legs
@@ -155,7 +117,7 @@ def _posture(
     acceleration, mobility = np.empty((count, joints)), np.empty((count, joints))
     in_the_air = np.empty(len(legs), np.bool_)
     for i in range(count):
-        contacts = active.mask[i]
+        contacts = active[i]
         in_the_air[:] = True
         for point in range(len(contacts)):
             if contacts[point]:

@@ -32,7 +32,7 @@ from fbid_gym.compiled import kernel
 from fbid_gym.control.equations import contact_sizes, fitted
 from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
-from fbid_gym.quantities import Constraint, TaskCommand
+from fbid_gym.quantities import Constraint
 from fbid_gym.small_matrices import (
     add_transposed_times,
     copy,
@@ -139,20 +139,22 @@ def operational_space_acceleration(
     part = fitted("task_jacobian", part, "(N, m, nv)", {**sizes, "N": robots})
     task = fitted("task", task, "(N, m)", sizes)
     bias = fitted("task_bias", task_bias, "(N, m)", sizes, np.zeros(task.shape))
-    command = TaskCommand(part, bias, task)
     near = fitted("reference", reference, "(N, nv)", sizes, np.zeros((1, sizes["nv"])))
     cost = fitted("motion_cost", motion_cost, "(nv,)", sizes, np.ones(sizes["nv"]))
     positive_numbers("motion_cost", cost, len(cost))
     check_positive(least_gain=least_gain)
     own = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
     gains = np.full(sizes["m"], float(least_gain))
-    return serve_task(Constraint(contiguous(jacobian), own), command, near, 1.0 / cost, gains)
+    constraint = Constraint(contiguous(jacobian), own)
+    return serve_task(constraint, part, bias, task, near, 1.0 / cost, gains)
 
 
 @kernel
 def serve_task(
     constraint: Constraint,
-    task: TaskCommand,
+    parts: np.ndarray,
+    bias: np.ndarray,
+    task: np.ndarray,
     reference: np.ndarray,
     mobility: np.ndarray,
     least_gain: np.ndarray,
@@ -161,19 +163,21 @@ def serve_task(
 
     Args:
         constraint: of the contacts.
-        task: what goes before the reference.
+        parts: (N, m, nv) or (1, m, nv) J_t.
+        bias: (N, m) or (1, m) Jdot_t v.
+        task: (N, m) wanted acceleration.
         reference: (N, nv) or (1, nv) motion to stay near to.
         mobility: (nv,) how readily each coordinate departs from it.
         least_gain: (m,) of each row of the task, see the module.
     """
     count, rows, velocities = constraint.jacobian.shape
-    size = task.acceleration.shape[1]
+    size = task.shape[1]
     motion, task_error = np.empty((count, velocities)), np.empty((count, size))
     held = Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
     moved, free = np.empty((rows, size)), np.empty((size, velocities))
     gains, lower, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
-        contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
+        contact, part = constraint.jacobian[i], parts[min(i, len(parts) - 1)]
         hold(contact, mobility, held)
         copy(reference[min(i, len(reference) - 1)], motion[i])
         make_consistent(held, contact, constraint.bias[i], motion[i])
@@ -190,9 +194,9 @@ def serve_task(
                     free[m, j] -= moved[k, m] * held.weighted[k, j]
         multiply_by_transpose(part, free, gains)
         times(part, motion[i], share)
-        error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]
+        error, drift = task_error[i], bias[min(i, len(bias) - 1)]
         for m in range(size):
-            error[m] = task.acceleration[i, m] - drift[m] - share[m]
+            error[m] = task[i, m] - drift[m] - share[m]
         for m in range(size):
             share[m] = error[m] / least_gain[m]
             for k in range(size):

@@ -31,19 +31,20 @@ from fbid_gym.control.contact_forces import (
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.control.equations import contact_sizes, fitted, fitted_all, numbers_of_robots
-from fbid_gym.control.point_forces import (
-    com_wrench_of_points,
-    torque_of_forces,
-    torque_slope,
-    turn_forces,
-    turn_map,
-)
 from fbid_gym.control.torque_limits import AffineTorque, forces_within_torque_limits
 from fbid_gym.quantities import Accuracy, ForcePath, Limits, TorqueMap
-from fbid_gym.small_matrices import add_transposed_times, dot, gram, pseudo_inverse, times
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    dot,
+    gram,
+    multiply,
+    pseudo_inverse,
+    rank_of,
+    times,
+)
 
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point.
-_FREE_RTOL = 1e-6
+_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
 
 
@@ -80,8 +81,13 @@ def distribute_freely(
 
     Arguments as for `distribute`. Inactive points have zero columns in `point_map`.
     """
-    start = _checked(torque_map, wrench, (to_com, point_map, None), weight)
-    return share_freely(*start[:3], wrench_scale(length, None), start[3])
+    own_map, path, own_wrench, weights = _checked(
+        torque_map, wrench, (to_com, point_map, None), weight
+    )
+    (count, joints), points = own_map.offset.shape, path.point_map.shape[2] // 3
+    none = Limits(point_limits(ContactLimits(), None, count, points), np.empty((1, joints)))
+    scale, start = wrench_scale(length, None), np.empty((count, 6))
+    return share(own_map, path, own_wrench, none, scale, weights, DEFAULT_ACCURACY, start, False)
 
 
 def distribute(
@@ -132,16 +138,10 @@ def distribute(
     bound = np.full(joints, np.inf) if torque_limit is None else torque_limit
     if bound.shape != (joints,):
         check_shape("torque_limit", bound, (count, joints), "(N, n) or (n,)")
-    return share_within_limits(
-        own_map,
-        own_path,
-        own_wrench,
-        Limits(point_limits(limits, active, count, points), contiguous(np.atleast_2d(bound))),
-        wrench_scale(length, wrench_cost),
-        weights,
-        accuracy,
-        fitted("warm_start", warm_start, "(N, 6)", {"N": count}, np.zeros((count, 6))),
-    )
+    own = Limits(point_limits(limits, active, count, points), contiguous(np.atleast_2d(bound)))
+    scale = wrench_scale(length, wrench_cost)
+    start = fitted("warm_start", warm_start, "(N, 6)", {"N": count}, np.zeros((count, 6)))
+    return share(own_map, own_path, own_wrench, own, scale, weights, accuracy, start, True)
 
 
 def _checked(
@@ -166,51 +166,7 @@ def _checked(
 
 
 @kernel
-def share_freely(
-    torque_map: TorqueMap,
-    path: ForcePath,
-    wrench: np.ndarray,
-    scale: np.ndarray,
-    weight: np.ndarray,
-) -> Distribution:
-    """`distribute_freely`, robot by robot; weights (N,) or (1,) N, wrenches (N, 6)."""
-    count, rows, columns = path.point_map.shape
-    found = _empty(torque_map, wrench, columns // 3)
-    maps, scaled, missing = np.empty((6, columns)), np.empty((6, columns)), np.empty(6)
-    product, inverse, dual = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    row_wrench, row_force = np.empty((6, rows)), np.empty(rows)
-    for robot in range(count):
-        own_map, jacobian = path.point_map[robot], torque_map.jacobian[robot]
-        force, delivered = found.point_force[robot].reshape(columns), found.wrench[robot]
-        com_wrench_of_points(path.to_com[robot], jacobian, own_map, row_wrench, maps)
-        for row in range(6):
-            missing[row] = wrench[robot, row] * scale[row]
-            for column in range(columns):
-                scaled[row, column] = maps[row, column] * scale[row]
-        gram(scaled, scaled, 0.0, product)
-        pseudo_inverse(product, _FREE_RTOL, inverse)
-        times(inverse, missing, dual)
-        force[:] = 0.0
-        add_transposed_times(scaled, dual, force)
-        times(maps, force, delivered)
-        times(own_map, force, row_force)
-        torque_of_forces(
-            torque_map.offset[robot],
-            jacobian,
-            torque_map.per_wrench[robot],
-            row_force,
-            delivered,
-            found.torque[robot],
-        )
-        for row in range(6):
-            missing[row] = (delivered[row] - wrench[robot, row]) * scale[row]
-        found.residual[robot] = np.sqrt(dot(missing, missing)) / weight[min(robot, len(weight) - 1)]
-        found.warm_start[robot] = 0.0
-    return found
-
-
-@kernel
-def share_within_limits(
+def share(
     torque_map: TorqueMap,
     path: ForcePath,
     wrench: np.ndarray,
@@ -219,41 +175,60 @@ def share_within_limits(
     weight: np.ndarray,
     accuracy: Accuracy,
     start: np.ndarray,
+    limited: bool,
 ) -> Distribution:
-    """`distribute`, robot by robot; weights (N,) or (1,) N, wrenches and starts (N, 6)."""
+    """`distribute`, or else `distribute_freely`, robot by robot.
+
+    Weights are (N,) or (1,) N, wrenches and starts (N, 6).
+    """
     count, rows, columns = path.point_map.shape
-    found = _empty(torque_map, wrench, columns // 3)
+    joints = torque_map.offset.shape[1]
+    found = Distribution(
+        *(np.empty((count, joints)), np.empty((count, columns // 3, 3)), wrench),
+        *(np.empty((count, 6)), np.empty(count), np.empty((count, 6))),
+    )
     turned, values = np.empty((rows, columns)), np.empty((columns // 3, 3))
     maps, scaled = np.empty((6, columns)), np.empty((6, columns))
-    wanted, missing = np.empty(6), np.empty(6)
+    wanted, missing, dual = np.empty(6), np.empty(6), np.empty(6)
+    product, inverse = np.empty((6, 6)), np.empty((6, 6))
     row_wrench, row_force = np.empty((6, rows)), np.empty(rows)
     for robot in range(count):
         own_map, own_weight = path.point_map[robot], weight[min(robot, len(weight) - 1)]
         jacobian, per_wrench = torque_map.jacobian[robot], torque_map.per_wrench[robot]
         offset, torque = torque_map.offset[robot], found.torque[robot]
         point_force, delivered = found.point_force[robot], found.wrench[robot]
-        force = point_force.reshape(columns)
+        force, next_start = point_force.reshape(columns), found.warm_start[robot]
         if len(path.world_from_contact) > 0:
-            turn_map(own_map, path.world_from_contact[robot], turned)
+            _turn_map(own_map, path.world_from_contact[robot], turned)
             own_map = turned
-        com_wrench_of_points(path.to_com[robot], jacobian, own_map, row_wrench, maps)
+        _com_wrench_of_points(path.to_com[robot], jacobian, own_map, row_wrench, maps)
         for row in range(6):
             wanted[row] = wrench[robot, row] * scale[row]
             for column in range(columns):
                 scaled[row, column] = maps[row, column] * scale[row]
-        limits_in_contact(limits.points, robot, values)
         problem = Problem(scaled, wanted, values)
-        forces = Forces(point_force, missing, found.warm_start[robot])
-        deliver(problem, accuracy, own_weight, start[robot], forces)
-        for row in range(6):
-            delivered[row] = wrench[robot, row] + missing[row] / scale[row]
+        if limited:
+            limits_in_contact(limits.points, robot, values)
+            forces = Forces(point_force, missing, next_start)
+            deliver(problem, accuracy, own_weight, start[robot], forces)
+            for row in range(6):
+                delivered[row] = wrench[robot, row] + missing[row] / scale[row]
+        else:
+            gram(scaled, scaled, 0.0, product)
+            pseudo_inverse(product, _RTOL, inverse)
+            times(inverse, wanted, dual)
+            force[:] = next_start[:] = 0.0
+            add_transposed_times(scaled, dual, force)
+            times(maps, force, delivered)
+            for row in range(6):
+                missing[row] = (delivered[row] - wrench[robot, row]) * scale[row]
         times(own_map, force, row_force)
-        torque_of_forces(offset, jacobian, per_wrench, row_force, delivered, torque)
+        _torque_of_forces(offset, jacobian, per_wrench, row_force, delivered, torque)
 
         bound = limits.torque[min(robot, len(limits.torque) - 1)]
-        if _exceeds(torque, bound):
+        if limited and _exceeds(torque, bound):
             slope = np.empty((len(bound), columns))
-            torque_slope(jacobian, per_wrench, own_map, maps, slope)
+            _torque_slope(jacobian, per_wrench, own_map, maps, slope)
             motors = AffineTorque(slope, offset, bound)
             forces_within_torque_limits(problem, motors, own_weight, accuracy, force)
             times(maps, force, delivered)
@@ -263,22 +238,8 @@ def share_within_limits(
                 missing[row] = (delivered[row] - wrench[robot, row]) * scale[row]
         found.residual[robot] = np.sqrt(dot(missing, missing)) / own_weight
         if len(path.world_from_contact) > 0:
-            turn_forces(path.world_from_contact[robot], point_force)
+            _turn_forces(path.world_from_contact[robot], point_force)
     return found
-
-
-@compiled
-def _empty(torque_map: TorqueMap, wrench: np.ndarray, points: int) -> Distribution:
-    """A result to write to."""
-    count, joints = torque_map.offset.shape
-    return Distribution(
-        np.empty((count, joints)),
-        np.empty((count, points, 3)),
-        wrench,
-        np.empty((count, 6)),
-        np.empty(count),
-        np.empty((count, 6)),
-    )
 
 
 @compiled
@@ -288,3 +249,102 @@ def _exceeds(torque: np.ndarray, limit: np.ndarray) -> bool:
         if abs(torque[j]) > (1.0 + _EXCESS) * limit[j] or np.isnan(limit[j]):
             return True
     return False
+
+
+@compiled
+def _com_wrench_of_points(
+    to_com: np.ndarray,
+    jacobian: np.ndarray,
+    point_map: np.ndarray,
+    row_wrench: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Write the map from point forces to their wrench at the centre of mass to `result` (6, 3 P).
+
+    It is the left side of [G15] eqs. (37) and, but for the factor Lambda_h, (38). `row_wrench`
+    (6, k) gets that of the forces on the contact rows.
+    """
+    for row in range(6):
+        for k in range(len(jacobian)):
+            total = 0.0
+            for axis in range(6):
+                total += to_com[row, axis] * jacobian[k, axis]
+            row_wrench[row, k] = total
+    multiply(row_wrench, point_map, result)
+
+
+@compiled
+def _torque_of_forces(
+    offset: np.ndarray,
+    jacobian: np.ndarray,
+    per_wrench: np.ndarray,
+    row_force: np.ndarray,
+    wrench: np.ndarray,
+    torque: np.ndarray,
+) -> None:
+    """`TorqueMap.torque` of one robot."""
+    for j in range(len(torque)):
+        total = offset[j]
+        for axis in range(6):
+            total += per_wrench[j, axis] * wrench[axis]
+        torque[j] = total
+    for k in range(len(row_force)):
+        for j in range(len(torque)):
+            torque[j] -= row_force[k] * jacobian[k, 6 + j]
+
+
+@compiled
+def _torque_slope(
+    jacobian: np.ndarray,
+    per_wrench: np.ndarray,
+    point_map: np.ndarray,
+    maps: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Write how point forces change torques to `slope` (n, 3 P)."""
+    multiply(per_wrench, maps, slope)
+    for j in range(len(slope)):
+        for k in range(len(jacobian)):
+            share = jacobian[k, 6 + j]
+            for column in range(slope.shape[1]):
+                slope[j, column] -= share * point_map[k, column]
+
+
+@compiled
+def _turn_map(point_map: np.ndarray, rotation: np.ndarray, result: np.ndarray) -> None:
+    """Write the map of point forces in contact axes, from that of forces in world axes."""
+    for k in range(len(point_map)):
+        for point in range(len(rotation)):
+            for axis in range(3):
+                total = 0.0
+                for other in range(3):
+                    total += point_map[k, 3 * point + other] * rotation[point, other, axis]
+                result[k, 3 * point + axis] = total
+
+
+@compiled
+def _turn_forces(rotation: np.ndarray, force: np.ndarray) -> None:
+    """Turn point forces (P, 3) from contact axes to world axes, in place."""
+    turned = np.empty(3)
+    for point in range(len(force)):
+        times(rotation[point], force[point], turned)
+        force[point] = turned
+
+
+@kernel
+def underactuation(jacobian: np.ndarray) -> np.ndarray:
+    """Six less the rank of the base columns of J: (N,) float; six if not finite.
+
+    Args:
+        jacobian: (N, k, nv) of the contacts.
+    """
+    count, rows, _ = jacobian.shape
+    missing = np.empty(count)
+    base, push = np.empty((6, rows)), np.empty((6, 6))
+    for i in range(count):
+        for row in range(6):
+            for k in range(rows):
+                base[row, k] = jacobian[i, k, row]
+        gram(base, base, 0.0, push)
+        missing[i] = 6.0 - rank_of(push, _RTOL)
+    return missing

@@ -16,7 +16,7 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.vectors import add, cross, dot, matrix, store, turn, vector
 from fbid_gym.errors import ShapeError
-from fbid_gym.quantities import ActivePoints, ContactGeometry, DynamicsTerms, ReducedContacts
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, ReducedContacts
 from fbid_gym.robots import Robot
 
 _RANK_TOLERANCE = 1e-6
@@ -59,13 +59,6 @@ def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.
     left, sizes, right = np.linalg.svd(points.reshape(3 * most, 6), full_matrices=False)
     rank = int((sizes > _RANK_TOLERANCE * max(1.0, sizes[0])).sum())
     return sizes[:rank, None] * right[:rank], left[:, :rank].T
-
-
-def active_points(geometry: ContactGeometry, mask: np.ndarray | None) -> ActivePoints:
-    """Return the points of a mask (N, P) bool; all of them, for ever, if None."""
-    if mask is None:
-        return ActivePoints(np.ones((1, geometry.num_points), bool), False)
-    return ActivePoints(np.ascontiguousarray(mask, bool), True)
 
 
 @kernel
@@ -132,14 +125,18 @@ def reduced_contacts(
     expected = (len(terms.foot_jacobian), geometry.num_points)
     if active is not None and active.shape != expected:
         raise ShapeError("active", active.shape, f"{expected}")
-    return reduce_contacts(geometry, active_points(geometry, active), terms)
+    mask = np.empty((0, expected[1])) if active is None else active
+    return reduce_contacts(geometry, np.ascontiguousarray(mask, bool), terms)
 
 
 @kernel
 def reduce_contacts(
-    geometry: ContactGeometry, active: ActivePoints, terms: DynamicsTerms
+    geometry: ContactGeometry, active: np.ndarray, terms: DynamicsTerms
 ) -> ReducedContacts:
-    """Return the active points in as few rows as the feet's geometry allows."""
+    """Return the active points in as few rows as the feet's geometry allows.
+
+    These are (N, P) bool, or (0, P) where all are on the ground and stay there.
+    """
     count, _, _, nv = terms.foot_jacobian.shape
     num_feet, _, rows, _ = geometry.motion.shape
     points = len(geometry.offset)
@@ -149,7 +146,7 @@ def reduce_contacts(
     for i in range(count):
         subset[:] = 0
         for point in range(points):
-            if active.mask[min(i, len(active.mask) - 1), point]:
+            if len(active) == 0 or active[i, point]:
                 subset[geometry.foot_of_point[point]] |= 1 << geometry.slot_of_point[point]
 
         # Both factors act on vectors in the foot's axes: bring them to the world's.
@@ -190,6 +187,6 @@ def reduce_contacts(
                 store(force, point_map, (i, k), 3 * point)
                 # With all of a foot's points on the ground, their acceleration about its reference
                 # vanishes or the rows cannot see it.
-                if active.switching:
+                if len(active) > 0:
                     bias[i, k] += dot(force, centripetal)
     return ReducedContacts(jacobian, bias, point_map)

@@ -16,7 +16,7 @@ from fbid_gym.control import (
     torque_map_garofalo2015,
     torque_map_ott2011,
 )
-from fbid_gym.control.momentum_balance import desired_wrench
+from fbid_gym.control.balance import desired_wrench
 from fbid_gym.dynamics import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
