@@ -24,7 +24,7 @@ _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED, _FIRM = 0.5, 0.4, 2.5
 _FELT = 0.1  # of the controller's damping
 _LEAST_RATIO = 0.2  # of the damping, where ankles are to yield
-_USUAL, _WALKING_ON_SOLES = Falling(3.4), 2.5
+_USUAL, _WALKING_ON_SOLES = Falling(3.4), Falling(2.5)
 
 _RANK = 1e-9
 
@@ -219,12 +219,32 @@ def damped_enough(stiffness: np.ndarray, damping: np.ndarray, inertia: np.ndarra
 def default_frequency(kind: MotionKind, robot: Robot) -> Falling:
     """Return the natural frequency of joints unless told otherwise.
 
-    On soles a gait balances by its centre of pressure, which stiff legs fight; but quick steps need
-    legs that follow quickly.
+    On soles a gait balances by its centre of pressure: stiff legs fight it.
     """
-    if kind.gait and robot.has_soles:
-        return Falling(_WALKING_ON_SOLES * WALK_CYCLE / kind.cycle)
-    return _USUAL
+    return _WALKING_ON_SOLES if kind.gait and robot.has_soles else _USUAL
+
+
+def as_quick_as_steps(
+    kind: MotionKind, robot: Robot, control_hz: int, loop_delay: float = 0.0
+) -> Falling:
+    """Return the natural frequency of joints that follow the feet, unless told otherwise.
+
+    On a gait on soles it is as much above `default_frequency` as steps are quicker than in a slow
+    walk; but only where some joint of the legs can be damped critically then. Legs that sampling
+    lets swing do better without.
+    """
+    usual = default_frequency(kind, robot)
+    quick = Falling(usual.times * WALK_CYCLE / kind.cycle)
+    if not (kind.gait and robot.has_soles) or quick <= usual:
+        return usual
+    try:
+        gains = JointGains.of(robot, control_hz, quick, 1.0, loop_delay)
+    except InvalidValueError:
+        return usual
+    stance = Stance.of(robot)
+    critical = 2.0 * np.sqrt(gains.stiffness * stance.standing_inertia)
+    calm = gains.damping > (1.0 - _RANK) * critical
+    return quick if np.any(calm & stance.legs.any(axis=0)) else usual
 
 
 def _mobility(robot: Robot) -> np.ndarray:

@@ -9,8 +9,8 @@ from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
     SERVO,
     JointGains,
+    as_quick_as_steps,
     damped_enough,
-    default_frequency,
     fed_drag,
     feedback,
     holding_torque,
@@ -73,9 +73,9 @@ class JointPosition(Memoryless):
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they are steady at `control_hz` and 2.5 times as stiff as what carries
                 the robot on half of its feet; else 3.4 times that at which it falls, see `Falling`,
-                carried as a pendulum on soles 2.5 times where it walks slowly, and more the quicker
-                its steps are: 3.5 times in a brisk walk of strong legs. Stiffer joints take harder
-                pushes untrained, but turn exploration noise into falls.
+                carried as a pendulum on soles 2.5 times, and 3.5 times in a brisk walk of strong
+                legs that `control_hz` lets damp. Stiffer joints take harder pushes untrained, but
+                turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
             pendulum: whether legs carry the weight along the line from the target's centre of
@@ -103,7 +103,8 @@ class JointPosition(Memoryless):
             gains = JointGains.of_servos(robot, control_hz, loop_delay)
         else:
             walks = kind._replace(gait=falls)
-            frequency: Any = natural_frequency or default_frequency(walks, robot)
+            usual = as_quick_as_steps(walks, robot, control_hz, loop_delay)
+            frequency: Any = natural_frequency or usual
             gains = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         if falls and robot.has_soles:
             inertia = Stance.of(robot).standing_inertia

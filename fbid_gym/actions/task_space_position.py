@@ -34,7 +34,7 @@ from fbid_gym.actions.ranges import DampingRatio, Frequency, LoopDelay, TargetSc
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.vectors import matrix, turn
-from fbid_gym.motions.target import WALK_CYCLE, MotionKind
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
@@ -113,9 +113,7 @@ class TaskSpacePosition(Memoryless):
             InvalidValueError: beyond what any joint can be held with.
             RobotError: a foot has no joints of its own to place it.
         """
-        # Where feet are placed in space, stiffer joints do not help quick steps.
-        slow = kind._replace(cycle=WALK_CYCLE)
-        frequency = natural_frequency or default_frequency(slow, robot)
+        frequency = natural_frequency or default_frequency(kind, robot)
         joints = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=0.0)
         height, hold = float(Stance.of(robot).home_com[2]), holding_torque(robot)
