@@ -87,7 +87,7 @@ LINES = {
     "dynamics": 1604,
     "envs": 3415,
     "estimation": 1984,
-    "motions": 3637,
+    "motions": 3639,
     "policy": 618,
     "robots": 5530,
     "runtime": 1856,

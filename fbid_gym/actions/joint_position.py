@@ -103,8 +103,8 @@ class JointPosition(Memoryless):
             gains = JointGains.of_servos(robot, control_hz, loop_delay)
         else:
             walks = kind._replace(gait=falls)
-            usual = as_quick_as_steps(walks, robot, control_hz, loop_delay)
-            frequency: Any = natural_frequency or usual
+            frequency: Any = natural_frequency
+            frequency = frequency or as_quick_as_steps(walks, robot, control_hz, loop_delay)
             gains = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         if falls and robot.has_soles:
             inertia = Stance.of(robot).standing_inertia

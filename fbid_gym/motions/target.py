@@ -11,8 +11,7 @@ from fbid_gym.dynamics.vectors import add, matrix, product, store, turn, vector
 from fbid_gym.quantities import DynamicsTerms, Heading, SupportFrame, Target
 from fbid_gym.robots import Robot
 
-WALK_CYCLE = 3.4
-"""Pendulum times in which a biped that walks slowly takes two steps."""
+WALK_CYCLE = 3.4  # pendulum times in which a biped that walks slowly takes two steps
 
 
 class MotionKind(NamedTuple):

@@ -10,6 +10,7 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.slope import Sense, level_moments
+from fbid_gym.motions.target import WALK_CYCLE
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
 
@@ -54,7 +55,7 @@ class FlatFootGait(NamedTuple):
 
 
 class FlatGaitMemory(NamedTuple):
-    """Memory of gaits from tick to tick, see `standing`."""
+    """Memory of gaits from tick to tick."""
 
     phase: np.ndarray  # (N,) int64
     carrier: np.ndarray  # (N,) int64, the foot that stands in the swing, or will
@@ -170,7 +171,9 @@ class Pattern(NamedTuple):
 
 
 PATTERNS = {
-    "walk": Pattern(3.4, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0),
+    "walk": Pattern(
+        WALK_CYCLE, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0
+    ),
     "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.3),
 }
 """Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a

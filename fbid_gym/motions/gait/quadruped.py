@@ -46,7 +46,7 @@ class PointFootGait(NamedTuple):
 
 
 class PointGaitMemory(NamedTuple):
-    """Memory of gaits from tick to tick, see `standing`."""
+    """Memory of gaits from tick to tick."""
 
     phase: np.ndarray  # (N,) of the schedule
     walking: np.ndarray  # (N,) bool, whether feet may lift
