@@ -46,6 +46,7 @@ COMMANDS = {
     "robots": Command("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
     "policies": Command("fbid_gym.policy", "List the policies that come with the package."),
     "sac": Command("train.sac", "Train a policy with SAC.", "train"),
+    "crossq": Command("train.crossq", "Train a policy with CrossQ.", "train"),
     "sweep": Command("train.sweep", "Run every training of a study.", "train"),
     "study": Command("eval.study", "Evaluate the trainings of a study: one page.", "train"),
     "robustness": Command("eval.robustness", "See what policies were not trained for.", "train"),

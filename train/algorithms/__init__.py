@@ -4,8 +4,12 @@ All that differs between them is in an `Algorithm`; whoever trains, saves and ex
 never which one it is.
 """
 
-from train.algorithms import ppo, sac
+from train.algorithms import crossq, ppo, sac
 from train.algorithms.algorithm import Algorithm
 
-ALGORITHMS: dict[str, Algorithm] = {"ppo": ppo.ALGORITHM, "sac": sac.ALGORITHM}
+ALGORITHMS: dict[str, Algorithm] = {
+    "ppo": ppo.ALGORITHM,
+    "sac": sac.ALGORITHM,
+    "crossq": crossq.ALGORITHM,
+}
 """By the names of `train.runs.config.ALGORITHMS`."""

@@ -10,7 +10,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fbid_gym.bundles import Tensors
-from train.runs.config import Hyperparameters, TrainConfig
+from train.runs.config import LearnerConfig, TrainConfig
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
@@ -40,7 +40,7 @@ class Algorithm(NamedTuple):
     """Its replay buffer, if it has one."""
 
 
-def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
+def learning_rate(own: LearnerConfig) -> float | Callable[[float], float]:
     """Return the constant rate, or the rate by the share of the training that is left."""
     first, last = own.learning_rate, own.learning_rate_end
     if last is None:
@@ -48,7 +48,7 @@ def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
     return lambda left: last + (first - last) * max(left, 0.0)
 
 
-def expected_return(own: Hyperparameters) -> float:
+def expected_return(own: LearnerConfig) -> float:
     """Return the initial output of a value network."""
     return own.expected_reward / max(1.0 - own.gamma, 1.0 / _FORESIGHT)
 

@@ -1,123 +1,18 @@
-"""SAC: learns at every step from all that the robots did lately."""
+"""SAC, of stable-baselines3."""
 
-from collections.abc import Mapping
-from typing import cast
+from typing import Any
 
-import numpy as np
-import torch
 from stable_baselines3 import SAC
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecNormalize
 
-from fbid_gym.bundles import Tensors
-from fbid_gym.errors import InvalidValueError
-from train.algorithms.algorithm import (
-    ACTIVATIONS,
-    Algorithm,
-    begin_at_zero,
-    expected_return,
-    learning_rate,
-    torch_threads,
-)
-from train.algorithms.asymmetric import is_for_robots
-from train.runs.config import SACConfig, TrainConfig
-
-_METRICS = {
-    "policy_loss": "train/actor_loss",
-    "value_loss": "train/critic_loss",
-    "temperature": "train/ent_coef",
-    "temperature_loss": "train/ent_coef_loss",
-}
-_ONE_STEP = TrainFreq(1, TrainFrequencyUnit.STEP)
+from train.algorithms.off_policy import activation, algorithm
+from train.runs.config import OffPolicyConfig
 
 
-def _build(config: TrainConfig, env: VecNormalize) -> SAC:
-    own = config.hyperparameters
-    assert isinstance(own, SACConfig)
-    if is_for_robots(config):  # its actor would see what only a critic may
-        given = config.make_args()["observation"]
-        raise InvalidValueError(
-            "observation for sac", given, '"full" or "body"; or --algorithm ppo'
-        )
-    (actions,) = env.action_space.shape or ()
-    learner = SAC(
-        "MlpPolicy",
-        env,
-        **config.as_they_are,
-        learning_rate=learning_rate(own),
-        ent_coef=f"auto_{own.ent_coef}",
-        target_entropy=own.target_entropy * actions,
-        device="cpu",
-        policy_kwargs={
-            "net_arch": list(own.hidden),
-            "activation_fn": ACTIVATIONS[own.activation],
-            "optimizer_kwargs": {"fused": True},
-        },
-    )
-    noise = cast(torch.nn.Linear, learner.actor.log_std)
-    begin_at_zero(cast(torch.nn.Linear, learner.actor.mu))
-    torch.nn.init.zeros_(noise.weight)
-    torch.nn.init.constant_(noise.bias, own.log_std_init)
-    for network in learner.critic.q_networks:
-        # The slope of a random network would be the first that the policy learns.
-        last = cast(torch.nn.Linear, cast(torch.nn.Sequential, network)[-1])
-        torch.nn.init.zeros_(last.weight)
-        torch.nn.init.constant_(last.bias, expected_return(own))
-    learner.critic_target.load_state_dict(learner.critic.state_dict())
-    return learner
+def _make(env: VecNormalize, own: OffPolicyConfig, **arguments: Any) -> SAC:
+    network = {"net_arch": list(own.hidden), "activation_fn": activation(own)}
+    optimiser = {"optimizer_kwargs": {"fused": True}}
+    return SAC("MlpPolicy", env, **arguments, policy_kwargs={**network, **optimiser})
 
 
-def _iterate(learner: SAC, config: TrainConfig, callback: BaseCallback) -> dict[str, float]:
-    """Act for a step of all robots, learn, and again."""
-    own = config.hyperparameters
-    assert isinstance(own, SACConfig)
-    assert learner.env is not None and learner.replay_buffer is not None
-    found: list[Mapping[str, float]] = []
-    for _ in range(own.n_steps):
-        # No random actions at the beginning, see `SACConfig.learning_starts`.
-        learner.collect_rollouts(
-            learner.env, callback, _ONE_STEP, learner.replay_buffer, learning_starts=0
-        )
-        if learner.num_timesteps >= own.learning_starts:
-            learner.actor.requires_grad_(learner.num_timesteps >= own.policy_starts)
-            with torch_threads(config.learning_threads):
-                learner.train(own.gradient_steps, own.batch_size)
-            found.append(dict(learner.logger.name_to_value))
-    if not found:
-        return {}
-    return {name: float(np.mean([its[key] for its in found])) for name, key in _METRICS.items()}
-
-
-def _layers(learner: SAC) -> list[torch.nn.Linear]:
-    modules = [*learner.actor.latent_pi, learner.actor.mu]
-    return [module for module in modules if isinstance(module, torch.nn.Linear)]
-
-
-def _optimisers(learner: SAC) -> dict[str, torch.optim.Optimizer]:
-    assert learner.ent_coef_optimizer is not None
-    return {
-        "actor_optimiser": learner.actor.optimizer,
-        "critic_optimiser": learner.critic.optimizer,
-        "temperature_optimiser": learner.ent_coef_optimizer,
-    }
-
-
-def _arrays(learner: SAC) -> Tensors:
-    assert learner.log_ent_coef is not None
-    return {
-        "log_temperature": learner.log_ent_coef.detach().numpy(),
-        "last_original_obs": np.asarray(learner._last_original_obs),
-    }
-
-
-ALGORITHM = Algorithm(
-    build=_build,
-    iterate=_iterate,
-    metrics=tuple(_METRICS),
-    layers=_layers,
-    output="tanh",
-    optimisers=_optimisers,
-    arrays=_arrays,
-    replay=lambda learner: learner.replay_buffer,
-)
+ALGORITHM = algorithm(_make)

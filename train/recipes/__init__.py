@@ -1,13 +1,13 @@
 """How to train in an environment: the TOML files beside this one, chosen by environment id.
 
-A recipe gives other defaults to `train.ppo` and `train.sac` where those of `TrainConfig` do not do;
-the command line has priority over both. Environments that no recipe names are trained by the
-defaults.
+A recipe gives other defaults to `train.ppo` and the other algorithms where those of `TrainConfig`
+do not do; the command line has priority over both. Environments that no recipe names are trained by
+the defaults.
 
     envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for
     num_envs = 512                           # or total_steps, stagger, torch_threads
     [ppo]                                    # of PPOConfig, where PPO learns
-    [sac]                                    # of SACConfig, where SAC learns
+    [sac]                                    # of SACConfig, where SAC learns; [crossq] likewise
     [eval]                                   # of EvaluationConfig
     [[exceptions]]                           # other values, for action layers with such options,
     layers = [{ action_layer = "joint_position", layer_options = { reference = "home" } }]
@@ -43,7 +43,7 @@ class Recipe:
 
     name: str  # of its file
     envs: tuple[str, ...]  # environment ids that it is for
-    # By field of `TrainConfig`; "ppo", "sac" and "eval" hold settings in turn.
+    # By field of `TrainConfig`; "ppo", "sac", "crossq" and "eval" hold settings in turn.
     settings: dict[str, Any]
     # Further settings, each with one or more of what it is for: "layers", each its "action_layer",
     # and "layer_options" where it takes such; "algorithm"; "envs".

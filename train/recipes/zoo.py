@@ -5,8 +5,8 @@ r"""The recipes for RL Zoo: `python -m train.recipes.zoo` writes `hyperparams`, 
 
 One entry per environment that a recipe is for, through the layer that `train.ppo` takes by
 default; the learning rate of RL Zoo falls to zero or is constant. `expected_reward` it cannot be
-told, so its value networks begin at zero; nor can its SAC be told `log_std_init` and
-`policy_starts`, so that begins with more noise, and with random actions until `learning_starts`.
+told, so its value networks begin at zero; nor can its SAC and CrossQ be told `log_std_init` and
+`policy_starts`, so these begin with more noise, and with random actions until `learning_starts`.
 """
 
 import argparse
@@ -15,7 +15,14 @@ from typing import Any
 
 from fbid_gym.errors import InvalidValueError
 from train.recipes import config_for, recipes
-from train.runs.config import ALGORITHMS, PPOConfig, SACConfig, TrainConfig
+from train.runs.config import (
+    ALGORITHMS,
+    CrossQConfig,
+    LearnerConfig,
+    OffPolicyConfig,
+    PPOConfig,
+    TrainConfig,
+)
 from train.runs.files import write
 
 FOLDER = Path(__file__).parents[2] / "hyperparams"
@@ -44,7 +51,7 @@ def entry(config: TrainConfig) -> str:
         "policy": "MlpPolicy",
         **{name: "null" if value is None else value for name, value in config.as_they_are.items()},
         "batch_size": config.batch_size,
-        **(_ppo(own) if isinstance(own, PPOConfig) else _sac(own)),
+        **(_ppo(own) if isinstance(own, PPOConfig) else _off_policy(config.algorithm, own)),
         "learning_rate": rate,
         "env_kwargs": f"{{action_layer: {config.action_layer}}}",
     }
@@ -55,9 +62,9 @@ def _ppo(own: PPOConfig) -> dict[str, Any]:
     return {"policy_kwargs": f'"dict(log_std_init={own.log_std_init}, {_network(own)})"'}
 
 
-def _sac(own: SACConfig) -> dict[str, Any]:
+def _off_policy(algorithm: str, own: OffPolicyConfig) -> dict[str, Any]:
     if own.target_entropy != -1.0:
-        raise InvalidValueError("sac.target_entropy", own.target_entropy, "-1, for RL Zoo")
+        raise InvalidValueError(f"{algorithm}.target_entropy", own.target_entropy, "-1, for RL Zoo")
     return {
         "train_freq": 1,
         "gradient_steps": own.gradient_steps,
@@ -67,9 +74,11 @@ def _sac(own: SACConfig) -> dict[str, Any]:
     }
 
 
-def _network(own: PPOConfig | SACConfig) -> str:
-    layers = ", ".join(map(str, own.hidden))
-    return f"activation_fn={_ACTIVATIONS[own.activation]}, net_arch=[{layers}]"
+def _network(own: LearnerConfig) -> str:
+    widths: Any = list(own.hidden)
+    if isinstance(own, CrossQConfig):
+        widths = f"dict(pi={widths}, qf={list(own.value_hidden)})"
+    return f"activation_fn={_ACTIVATIONS[own.activation]}, net_arch={widths}"
 
 
 def text(algorithm: str) -> str:

@@ -84,6 +84,10 @@ class LearnerConfig:
     [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
     from run to run."""
 
+    def __post_init__(self) -> None:
+        """Check every value by itself; `TrainConfig` checks them together."""
+        check_fields(self, type(self).__name__.removesuffix("Config").lower() + ".{}")
+
 
 @dataclass(frozen=True)
 class PPOConfig(LearnerConfig):
@@ -109,14 +113,10 @@ class PPOConfig(LearnerConfig):
     """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
     it the length of a step does not depend on how a layer scales its actions."""
 
-    def __post_init__(self) -> None:
-        """Check every value by itself; `TrainConfig` checks them together."""
-        check_fields(self, "ppo.{}")
-
 
 @dataclass(frozen=True)
-class SACConfig(LearnerConfig):
-    """Hyperparameters of SAC, the same for every action layer. Rewards and noise are as in PPO."""
+class OffPolicyConfig(LearnerConfig):
+    """Hyperparameters of SAC and CrossQ, the same for every action layer."""
 
     n_steps: Count = 16
     """Policy steps of each robot per iteration. An iteration is what is logged and can be stopped
@@ -134,8 +134,6 @@ class SACConfig(LearnerConfig):
     policy_starts: Steps = 10_000
     """Environment steps, over all robots, before the policy learns. Where it begins well, with the
     zero action, value networks that know little yet would lead it away at once."""
-    tau: Annotated[float, Number(1e-6, 1.0)] = 0.005
-    """Share of the value networks that their slow copies take over in each gradient step."""
     ent_coef: Annotated[float, Number(1e-9, 1e3)] = 0.001
     """Temperature at the beginning: what a nat of entropy is worth in rewards. It is then learnt,
     so that the entropy becomes `target_entropy`. Rewards lie in [0, 1] and differ by hundredths
@@ -144,22 +142,41 @@ class SACConfig(LearnerConfig):
     target_entropy: Annotated[float, Number(-10.0, 0.69)] = -1.0
     """Nats per action. -1: a standard deviation of about 0.09."""
     hidden: Widths = (128, 128)
-    """Widths of the hidden layers, of the policy and of the value networks."""
+    """Widths of the hidden layers, of the policy and of SAC's value networks."""
     activation: Activation = "relu"
     """After each hidden layer."""
 
-    def __post_init__(self) -> None:
-        """Check every value by itself; `TrainConfig` checks them together."""
-        check_fields(self, "sac.{}")
+
+@dataclass(frozen=True)
+class SACConfig(OffPolicyConfig):
+    """Hyperparameters of SAC. Rewards and noise are as in PPO."""
+
+    tau: Annotated[float, Number(1e-6, 1.0)] = 0.005
+    """Share of the value networks that their slow copies take over in each gradient step."""
 
 
-Hyperparameters = PPOConfig | SACConfig
-ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
+@dataclass(frozen=True)
+class CrossQConfig(OffPolicyConfig):
+    """Hyperparameters of CrossQ. Rewards and noise are as in PPO."""
+
+    policy_delay: Count = 3
+    """Gradient steps of the value networks to one of the policy and of the temperature."""
+    value_hidden: Widths = (256, 256)
+    """Widths of the hidden layers of the value networks; `hidden` is the policy's."""
+
+
+Hyperparameters = PPOConfig | SACConfig | CrossQConfig
+ALGORITHMS: dict[str, type[Hyperparameters]] = {
+    "ppo": PPOConfig,
+    "sac": SACConfig,
+    "crossq": CrossQConfig,
+}
 """Algorithm -> its hyperparameters: the field of `TrainConfig` of the same name."""
 SAME_NAMES = {
     "ppo": ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef",
             "max_grad_norm", "target_kl"),
     "sac": ("batch_size", "buffer_size", "gamma", "tau"),
+    "crossq": ("batch_size", "buffer_size", "gamma", "policy_delay"),
 }  # fmt: skip
 """Algorithm -> hyperparameters that stable-baselines3 calls so as well, and takes as they are."""
 
@@ -233,6 +250,8 @@ class TrainConfig:
     """Hyperparameters of PPO; None where something else learns."""
     sac: tyro.conf.AvoidSubcommands[SACConfig | None] = None
     """Hyperparameters of SAC; None where something else learns."""
+    crossq: tyro.conf.AvoidSubcommands[CrossQConfig | None] = None
+    """Hyperparameters of CrossQ; None where something else learns."""
     eval: EvaluationConfig = field(default_factory=EvaluationConfig)
     """Periodic evaluation."""
 
@@ -274,11 +293,11 @@ class TrainConfig:
     def _check_together(self) -> None:
         """Check conditions on several values."""
         own = self.hyperparameters
-        if isinstance(own, SACConfig):
+        if isinstance(own, OffPolicyConfig):
             least, most = self.iteration_steps, MOST_TRANSITIONS
             if not least <= own.buffer_size <= most:
-                between = f"a number from num_envs * sac.n_steps = {least} to {most}"
-                raise InvalidValueError("sac.buffer_size", own.buffer_size, between)
+                between = f"a number from num_envs * {self.algorithm}.n_steps = {least} to {most}"
+                raise InvalidValueError(f"{self.algorithm}.buffer_size", own.buffer_size, between)
             return
         if self.iteration_steps < 2:
             raise InvalidValueError(
