@@ -66,8 +66,7 @@ def called(module: str) -> tuple[str, ...]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status, 2 on errors."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    return exit_status(lambda: _run(given))
+    return exit_status(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)))
 
 
 def _run(given: list[str]) -> None:
@@ -80,8 +79,8 @@ def _run(given: list[str]) -> None:
     command = COMMANDS[name]
     folder = str(_programs())
     sys.path.insert(0, folder)
-    given_path = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = os.pathsep.join([folder, *([given_path] if given_path else [])])
+    paths = folder, os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     os.environ["PYTHONSAFEPATH"] = "1"  # or children would take `train/` of the current folder
     sys.argv = [f"{PROGRAM} {name}", *rest]
     try:

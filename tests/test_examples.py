@@ -20,10 +20,7 @@ SHORT = {
     "recurrent": ["--steps", "64", "--num-envs", "2"],
     "sb3": ["--steps", "96", "--num-envs", "2"],
 }
-NEEDS = {
-    "other_engine": ("pybullet", "pip install -c constraints.txt 'fbid_gym[bullet]'"),
-    "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
-}
+NEEDS = {"other_engine": ("pybullet", "pip install -c constraints.txt 'fbid_gym[bullet]'")}
 DOCS = "any_robot", "arguments", "deploy", "index", "layers/index", "measured", "motors"
 DOCS = *DOCS, "own_task_and_layer", "pictures", "policies"
 PAGES = ("README.md", *(f"docs/{name}.md" for name in DOCS))

@@ -26,7 +26,7 @@ from fbid_gym.bundles import Bundle, load_bundle
 from fbid_gym.errors import RunError
 from tests.batches import assert_same
 from train import training
-from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
+from train.runs.config import CrossQConfig, EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 from train.runs.folder import RunFolder
 
 STEPS = 40
@@ -142,13 +142,18 @@ def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args:
     return PointMasses(num_envs, seed, env_args.get("strength", 3.0))
 
 
+OFF_POLICY: dict[str, Any] = {"n_steps": 16, "gradient_steps": 1, "batch_size": 32,
+                              "buffer_size": 400, "learning_starts": 200, "policy_starts": 300,
+                              "hidden": (16, 16)}  # fmt: skip
+
+
 def config(out: Path, **changes: Any) -> TrainConfig:
     """Return a run of 6 iterations of 128 steps, evaluated and saved within it."""
     own = {
         "ppo": PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16)),
         # Half of the training fits into the buffer.
-        "sac": SACConfig(n_steps=16, gradient_steps=1, batch_size=32, buffer_size=400,
-                         learning_starts=200, policy_starts=300, hidden=(16, 16)),
+        "sac": SACConfig(**OFF_POLICY),
+        "crossq": CrossQConfig(policy_delay=2, value_hidden=(16, 16), **OFF_POLICY),
     }  # fmt: skip
     algorithm = changes.get("algorithm", "ppo")
     fields: dict[str, Any] = {"env": ENV_ID, "action_layer": "force", "seed": 3, "num_envs": 8}

@@ -123,7 +123,7 @@ def test_arms_may_say_what_learns_and_on_which_robot(tmp_path):
         (f"reference = 'c'\n{ARM}", "Unknown reference 'c' of the study. Valid choices: a."),
         (f"runs = 'a/b'\n{ARM}", "runs is 'a/b'. Expected the name of a folder beside it."),
         (f"colour = 1\n{ARM}", "Unknown setting 'colour' of study 'mine'. Valid choices: total"),
-        (f"{ARM}speed = 1", "Unknown setting 'speed' of arm 'a'. Valid choices: name, env"),
+        (f"{ARM}speed = 1", "Unknown setting 'speed' of arm 'a'. Nearest of 21 choices: seeds"),
         (f"{ARM}ppo = {{ lr = 1 }}", "Unknown setting 'lr' of arm 'a'. Valid choices: lear"),
         (f"{ARM}{ARM}", "QuadrupedWalk-v0, a, seed 0 is there twice. Expected each cell once."),
         (f"{ARM}seeds = []", "seeds of arm 'a' are []. Expected a list."),
