@@ -11,7 +11,8 @@ from sb3_contrib.crossq.policies import Actor, CrossQPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecNormalize
 
-from train.algorithms.off_policy import activation, algorithm
+from train.algorithms.algorithm import ACTIVATIONS
+from train.algorithms.off_policy import algorithm
 from train.runs.config import CrossQConfig, OffPolicyConfig
 
 
@@ -30,7 +31,7 @@ class _PlainActor(CrossQPolicy):
 def _make(env: VecNormalize, own: OffPolicyConfig, **arguments: Any) -> CrossQ:
     assert isinstance(own, CrossQConfig)
     widths = {"pi": list(own.hidden), "qf": list(own.value_hidden)}
-    network = {"net_arch": widths, "activation_fn": activation(own)}
+    network = {"net_arch": widths, "activation_fn": ACTIVATIONS[own.activation]}
     optimiser = {"optimizer_kwargs": {"fused": True, "betas": (0.5, 0.999)}}  # the paper's
     return CrossQ(_PlainActor, env, **arguments, policy_kwargs={**network, **optimiser})
 

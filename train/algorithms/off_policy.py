@@ -14,7 +14,6 @@ from stable_baselines3.common.vec_env import VecNormalize
 from fbid_gym.bundles import Tensors
 from fbid_gym.errors import InvalidValueError
 from train.algorithms.algorithm import (
-    ACTIVATIONS,
     Algorithm,
     begin_at_zero,
     expected_return,
@@ -54,11 +53,6 @@ def algorithm(make: Callable[..., Learner]) -> Algorithm:
         arrays=_arrays,
         replay=lambda learner: learner.replay_buffer,
     )
-
-
-def activation(own: OffPolicyConfig) -> type[torch.nn.Module]:
-    """Return the module after each hidden layer."""
-    return ACTIVATIONS[own.activation]
 
 
 def _own(config: TrainConfig) -> OffPolicyConfig:
