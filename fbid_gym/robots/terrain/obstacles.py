@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,58 +13,81 @@ from fbid_gym.robots.terrain.field import CLEARING, ENDLESS, HALF_SIZE, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
 
 # In units of the robot's reach.
-_PLANKS_PER_AREA = 0.13
-_PLANK_LENGTH, _PLANK_WIDTH = (1.0, 4.0), (0.5, 1.0)
+_PER_AREA, _LENGTH = 0.13, (1.0, 4.0)
+_WIDTH = (0.5, 1.0)
+
+Span = tuple[float, float]  # from the least to the most
+
+
+class Planks(NamedTuple):
+    """B planks, one across the other at times."""
+
+    centre: np.ndarray  # (B, 2) m
+    heading: np.ndarray  # (B,) rad, of the long side
+    half: np.ndarray  # (B, 2) m, half length and half width
+    top: np.ndarray  # (B,) height, in any unit
+
+    def beyond(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far places are beyond each plank's ends, and its sides: (..., B) m.
+
+        Negative where they are between them.
+        """
+        dx, dy = np.asarray(x)[..., None], np.asarray(y)[..., None]
+        dx, dy = dx - self.centre[:, 0], dy - self.centre[:, 1]
+        cosine, sine = np.cos(self.heading), np.sin(self.heading)
+        along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+        return abs(along) - self.half[:, 0], abs(across) - self.half[:, 1]
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return how high they lie at places x and y; 0 beside them."""
+        ends, sides = self.beyond(x, y)
+        return np.where(np.maximum(ends, sides) <= 0.0, self.top, 0.0).max(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Planks lying on the plane, one across the other at times."""
+    """Planks lying on the plane."""
 
     tiles: ClassVar[Tiles] = ENDLESS
 
     starts: np.ndarray  # see `Field`
     clearing: float  # see `Field`
-    centre: np.ndarray  # (B, 2) m
-    heading: np.ndarray  # (B,) rad, of the long side
-    half: np.ndarray  # (B, 2) m, half length and half width
-    top: np.ndarray  # (B,) m, height
-    cell: float  # m, edge of the square cells of `near`
-    near: np.ndarray  # (R, R, L) planks that touch a cell, B where there are fewer than L
+    planks: Planks
 
     @cached_property
     def grid(self) -> HeightGrid:
         """See `Field.grid`; the planks' sides are less steep in it."""
-        half, cell = float(abs(self.centre).max() + self.half.max()), 0.5 * float(self.half.min())
+        centre, _, sizes, _ = self.planks
+        half, cell = float(abs(centre).max() + sizes.max()), 0.5 * float(sizes.min())
         line = np.arange(-half, half + cell, cell)
-        return HeightGrid(line[[0, 0]], cell, self.height(*np.meshgrid(line, line)))
+        elevation = np.array([self.height(line, y) for y in line])  # a row at a time: they are many
+        return HeightGrid(line[[0, 0]], cell, elevation)
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """See `Field.add_to`."""
         bits = collision_bits(spec)
         wood = unused("fbid_plank", spec.materials)
         spec.add_material(name=wood, rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
-        planks = zip(self.centre, self.heading, self.half, self.top, strict=True)
-        for (x, y), turn, half, top in planks:
+        for (x, y), turn, half, top in zip(*self.planks, strict=True):
             place = {"size": [*half, 0.5 * top], "pos": [x, y, 0.5 * top]}
             place["quat"] = [np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)]
             add_solid(spec, bits, type=mujoco.mjtGeom.mjGEOM_BOX, material=wood, **place)
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """See `Field.height`."""
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        size = len(self.near)
-        row, column = (np.floor(v / self.cell).astype(int) + size // 2 for v in (y, x))
-        outside = (np.minimum(row, column) < 0) | (np.maximum(row, column) >= size)
-        plank = self.near[np.where(outside, 0, row), np.where(outside, 0, column)]
-        known = np.minimum(plank, len(self.top) - 1)
-        dx, dy = x[..., None] - self.centre[known, 0], y[..., None] - self.centre[known, 1]
-        cosine, sine = np.cos(self.heading[known]), np.sin(self.heading[known])
-        along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
-        half = self.half[known]
-        on = (np.abs(along) <= half[..., 0]) & (np.abs(across) <= half[..., 1])
-        on &= (plank < len(self.top)) & ~outside[..., None]
-        return np.where(on, self.top[known], 0.0).max(axis=-1)
+        return self.planks.height(x, y)
+
+
+def random_planks(
+    per_area: float, length: Span, top: Span, edge: float, unit: float, rng: np.random.Generator
+) -> Planks:
+    """Lay planks about in a square of an edge, m; other lengths are in a unit of so many m."""
+    count = round(per_area * (edge / unit) ** 2)
+    centre = rng.uniform(-0.5 * edge, 0.5 * edge, (count, 2))
+    heading = rng.uniform(-np.pi, np.pi, count)
+    sizes = [rng.uniform(*length, count), rng.uniform(*_WIDTH, count)]
+    half = 0.5 * unit * np.stack(sizes, axis=1)
+    return Planks(centre, heading, half, rng.uniform(*top, count))
 
 
 def random_obstacles(
@@ -74,32 +97,10 @@ def random_obstacles(
 
     The places to start from (K, 2) m are kept free.
     """
-    size, clearing = HALF_SIZE * reach, CLEARING * reach
-    count = round(_PLANKS_PER_AREA * (2 * HALF_SIZE) ** 2)
-    centre = rng.uniform(-size, size, (count, 2))
-    heading = rng.uniform(-np.pi, np.pi, count)
-    sizes = [rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)]
-    half = 0.5 * reach * np.stack(sizes, axis=1)
-    top = rng.uniform(0.5 * height, height, count)
-
+    edge, clearing = 2.0 * HALF_SIZE * reach, CLEARING * reach
+    planks = random_planks(_PER_AREA, _LENGTH, (0.5 * height, height), edge, reach, rng)
     # Away with planks that reach into a clearing.
-    offset = starts[:, None] - centre
-    cosine, sine = np.cos(heading), np.sin(heading)
-    along = np.abs(cosine * offset[..., 0] + sine * offset[..., 1]) - half[:, 0]
-    across = np.abs(cosine * offset[..., 1] - sine * offset[..., 0]) - half[:, 1]
-    gap = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+    ends, sides = planks.beyond(*starts.T)
+    gap = np.hypot(np.maximum(ends, 0.0), np.maximum(sides, 0.0))
     kept = (gap > clearing).all(axis=0)
-    centre, heading, half, top = (part[kept] for part in (centre, heading, half, top))
-
-    cell = 2.0 * reach
-    around = np.hypot(*half.T)  # radius of the circle about a plank
-    edge = int(np.ceil((size + around.max()) / cell))
-    middles = cell * (np.arange(-edge, edge) + 0.5)
-    apart = np.abs(middles[:, None] - centre.T[:, None])  # (2, 2 edge, B)
-    close = apart <= 0.5 * cell + around
-    touching = close[1][:, None] & close[0]
-    most = int(touching.sum(axis=-1).max())
-    # Stable sorting puts the planks of a cell first, in order.
-    order = np.argsort(~touching, axis=-1, kind="stable")[..., :most]
-    near = np.where(np.take_along_axis(touching, order, axis=-1), order, len(top))
-    return Obstacles(starts, clearing, centre, heading, half, top, cell, near)
+    return Obstacles(starts, clearing, Planks(*(part[kept] for part in planks)))

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.robots.terrain.obstacles import random_planks
+
 EDGE = 14.0  # length of a patch's edge
 CLEARING = 1.5  # radius of the level place in its middle
 # The robot's unit of length is the height of its centre of mass; of heights, what its feet clear.
@@ -18,8 +20,7 @@ _TOP = 2.0  # half the edge of the level top of a hill
 _STEEPEST = np.tan(np.radians(25.0))
 _BUMP, _BUMP_SPACING = 0.35, 0.6
 _STEP, _TREAD = 0.45, 1.0
-_PLANK, _PLANKS_PER_AREA = 0.4, 0.16
-_PLANK_LENGTH, _PLANK_WIDTH = (2.0, 6.0), (0.5, 1.0)
+_PLANK, _PER_AREA, _LENGTH = 0.4, 0.16, (2.0, 6.0)  # height, number per area, length
 _DEPTH, _GAP, _ISLAND = 1.0, 0.7, 2.0
 _FIRST_GAP = CLEARING + 0.5
 _VERGE, _RAMP = 0.2, 2.0  # level strip along the edge, and way up from it, where there are gaps
@@ -65,20 +66,9 @@ def _stairs(places: Places, difficulty: float, rng: np.random.Generator) -> np.n
 
 def _planks(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
     """Low obstacles lying about."""
-    count = round(_PLANKS_PER_AREA * EDGE**2)
-    centre = rng.uniform(-0.5 * EDGE, 0.5 * EDGE, (count, 2))
-    heading = rng.uniform(-np.pi, np.pi, count)
-    length, width = rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)
-    top = rng.uniform(0.5, 1.0, count)
-    elevation = np.zeros_like(places.x)
-    for k in range(count):
-        x, y = places.x - centre[k, 0], places.y - centre[k, 1]
-        along = np.cos(heading[k]) * x + np.sin(heading[k]) * y
-        across = np.cos(heading[k]) * y - np.sin(heading[k]) * x
-        on = (abs(along) <= 0.5 * length[k]) & (abs(across) <= 0.5 * width[k])
-        elevation = np.where(on, np.maximum(elevation, top[k]), elevation)
+    planks = random_planks(_PER_AREA, _LENGTH, (0.5, 1.0), EDGE, 1.0, rng)
     free = (0.5 * EDGE - places.ring > 0.2) & (_beyond_clearing(places) > 0.0)
-    return places.reach * _PLANK * difficulty * elevation * free
+    return places.reach * _PLANK * difficulty * planks.height(places.x, places.y) * free
 
 
 def _gaps(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
