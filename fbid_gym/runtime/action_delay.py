@@ -46,19 +46,10 @@ class ActionDelay:
 
     def arrivals(self) -> set[int]:
         """Return the ticks of a policy step from which on some robot has another action."""
-        if self._prompt:
-            return {0}
         return {0, *(self.arrays["ticks"] % self.rates.ticks).tolist()}
 
     def arrived(self, tick: int) -> np.ndarray:
         """Return the actions (N, A) that hold at this tick of the policy step."""
         chosen, ticks = self.arrays.values()
-        if self._prompt:
-            return chosen[:, 0]
         steps_ago = -((tick - ticks) // self.rates.ticks)
         return chosen[np.arange(len(chosen)), steps_ago]
-
-    @property
-    def _prompt(self) -> bool:
-        """Whether no action ever waits."""
-        return self.arrays["action"].shape[1] == 1
