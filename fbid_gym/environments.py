@@ -3,7 +3,8 @@
 from typing import Any
 
 # What one learns from must be cheap: the papers' rates cost four times as much.
-_LIGHT = {
+_WALK = {
+    "task": "walk",
     "physics_hz": 250,
     "control_hz": 250,
     "friction_cone": "pyramidal",
@@ -11,7 +12,7 @@ _LIGHT = {
     "solver_warm_start": False,
     "episode_seconds": 20.0,
 }
-_GO1 = {"robot": "go1", "task": "walk", **_LIGHT}
+_GO1 = {"robot": "go1", **_WALK}
 _ON_SOLES = {
     "forward_range": (-0.14, 0.14),
     "sideways_range": (-0.05, 0.05),
@@ -39,14 +40,12 @@ _HARDER = {
     "reward_scales": {"velocity": 0.06, "turning": 0.03},
 }
 _HARDER_ON_SOLES = {
+    **_HARDER,
     "gait": "brisk_walk",
     "forward_range": (-0.14, 0.32),
     "sideways_range": (-0.05, 0.05),
     "turning_range": (-0.12, 0.12),
-    "command_ramp": (0.5, 1.5),
     "push_weights": (0.0, 0.4),
-    "randomisation": _UNKNOWN,
-    "reward_weights": _HARDER["reward_weights"],
     "reward_scales": {"velocity": 0.1, "turning": 0.05},
 }
 
@@ -59,19 +58,13 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "fbid_gym/QuadrupedCrawl-v0": {"robot": "quadruped", "task": "crawl"},
     "fbid_gym/QuadrupedRough-v0": {"robot": "quadruped", "task": "crawl", "terrain": "obstacles"},
     "fbid_gym/QuadrupedWalk-v0": {**_GO1},
-    "fbid_gym/BipedWalk-v0": {"robot": "biped", "task": "walk", **_LIGHT, **_ON_SOLES},
-    "fbid_gym/HumanoidWalk-v0": {"robot": "humanoid", "task": "walk", **_LIGHT, **_ON_SOLES},
+    "fbid_gym/BipedWalk-v0": {"robot": "biped", **_WALK, **_ON_SOLES},
+    "fbid_gym/HumanoidWalk-v0": {"robot": "humanoid", **_WALK, **_ON_SOLES},
     "fbid_gym/QuadrupedTerrain-v0": {**_GO1, "terrain": "mixed", "push_force": (0.0, 0.0)},
-    "fbid_gym/BipedTerrain-v0": {
-        "robot": "biped",
-        "task": "walk",
-        "terrain": "mixed",
-        **_LIGHT,
-        **_ON_SOLES,
-    },
+    "fbid_gym/BipedTerrain-v0": {"robot": "biped", **_WALK, "terrain": "mixed", **_ON_SOLES},
     "fbid_gym/QuadrupedWalk-v1": {**_GO1, **_HARDER, "gait": "short_trot"},
-    "fbid_gym/BipedWalk-v1": {"robot": "biped", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
-    "fbid_gym/HumanoidWalk-v1": {"robot": "g1", "task": "walk", **_LIGHT, **_HARDER_ON_SOLES},
+    "fbid_gym/BipedWalk-v1": {"robot": "biped", **_WALK, **_HARDER_ON_SOLES},
+    "fbid_gym/HumanoidWalk-v1": {"robot": "g1", **_WALK, **_HARDER_ON_SOLES},
     "fbid_gym/QuadrupedTerrain-v1": {
         **_GO1,
         **_HARDER,
