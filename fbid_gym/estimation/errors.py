@@ -1,7 +1,5 @@
 """By how much an estimate errs."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
@@ -20,16 +18,7 @@ ERRORS = {
 }
 """Entries of the info, with their unit."""
 
-
-class Errors(NamedTuple):
-    """Errors of N robots, the first of `ERRORS`: (N,) each."""
-
-    tilt: np.ndarray
-    velocity: np.ndarray
-    height: np.ndarray
-    heading: np.ndarray
-    drift: np.ndarray
-    contact: np.ndarray
+_TILT, _VELOCITY, _HEIGHT, _HEADING, _DRIFT, _CONTACT = range(6)  # the first of them
 
 
 @kernel
@@ -39,15 +28,14 @@ def find_errors(
     foot_of_point: np.ndarray,
     threshold: float,
     contact: np.ndarray,
-) -> Errors:
+) -> np.ndarray:
     """Compare where robots are with where they believe to be, `seen`.
 
     A foot with its points, `foot_of_point` (P,) int64, stands on more than the threshold, N; which
-    feet are told to, `contact` (N, F) bool says.
+    feet are told to, `contact` (N, F) bool says. Returns the first of `ERRORS`, (6, N).
     """
     count, feet = contact.shape
-    rows = np.zeros((6, count))
-    errors = Errors(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5])
+    errors = np.zeros((6, count))
     _compare(actual, seen, foot_of_point, threshold, contact, errors, np.empty(feet))
     return errors
 
@@ -59,28 +47,28 @@ def _compare(
     foot_of_point: np.ndarray,
     threshold: float,
     contact: np.ndarray,
-    errors: Errors,
+    errors: np.ndarray,
     load: np.ndarray,
 ) -> None:
     """Write the errors; `load` (F,) is a buffer."""
     for i in range(len(contact)):
         true, own = rotation_at(actual.qpos, i, 3), rotation_at(seen.qpos, i, 3)
         aside = cross(true[2], own[2])
-        errors.tilt[i] = np.arctan2(np.sqrt(dot(aside, aside)), dot(true[2], own[2]))
+        errors[_TILT, i] = np.arctan2(np.sqrt(dot(aside, aside)), dot(true[2], own[2]))
         # True heading to own, about the vertical: of own true^T.
         turned = dot(own[1], true[0]) - dot(own[0], true[1])
         angle = np.arctan2(turned, dot(own[0], true[0]) + dot(own[1], true[1]))
-        errors.heading[i] = angle
+        errors[_HEADING, i] = angle
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y, z = vector(actual.qvel, (i,))
         along = (cosine * x - sine * y, sine * x + cosine * y, z)
         off = subtract(vector(seen.qvel, (i,)), along)
-        errors.velocity[i] = np.sqrt(dot(off, off))
+        errors[_VELOCITY, i] = np.sqrt(dot(off, off))
         away = subtract(vector(seen.qpos, (i,)), vector(actual.qpos, (i,)))
-        errors.height[i], errors.drift[i] = away[2], np.hypot(away[0], away[1])
+        errors[_HEIGHT, i], errors[_DRIFT, i] = away[2], np.hypot(away[0], away[1])
         for foot in range(len(load)):
             load[foot] = 0.0
         for point in range(len(foot_of_point)):
             load[foot_of_point[point]] += actual.contact_force[i, point, 2]
         for foot in range(len(load)):
-            errors.contact[i] += ((load[foot] > threshold) != contact[i, foot]) / len(load)
+            errors[_CONTACT, i] += ((load[foot] > threshold) != contact[i, foot]) / len(load)

@@ -25,7 +25,7 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.estimation.legs import Mounting, turning
 from fbid_gym.estimation.random_numbers import normal, uniform
-from fbid_gym.estimation.sensors import Sensors
+from fbid_gym.estimation.sensors import UNITS, Sensors
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
@@ -99,23 +99,16 @@ def instruments_of(
     """Return the sensors of a robot at its control rate, Hz."""
     own, tick = sensors.scaled, 1.0 / hz
     every = [sensors.every(name, hz) for name in ("imu", "encoder", "contact")]
-    rates = [hz / ticks for ticks in every]
-    share = own.contact_errors
-    recovers = min(tick / _WRONG, 0.5)
+    share, recovers = own.contact_errors, min(tick / _WRONG, 0.5)
+    units = {}
+    for unit in UNITS:
+        noise, drift, limit = (getattr(own, f"{unit}_{x}") for x in ("noise", "drift", "range"))
+        units[unit] = Inertial(noise * np.sqrt(hz / every[0]), drift * np.sqrt(tick), limit)
     return Instruments(
         mounting=mounting,
         tick=tick,
         gravity=robot.gravity,
-        gyroscope=Inertial(
-            own.gyroscope_noise * np.sqrt(rates[0]),
-            own.gyroscope_drift * np.sqrt(tick),
-            own.gyroscope_range,
-        ),
-        accelerometer=Inertial(
-            own.accelerometer_noise * np.sqrt(rates[0]),
-            own.accelerometer_drift * np.sqrt(tick),
-            own.accelerometer_range,
-        ),
+        **units,
         resolution=own.encoder_resolution,
         noise=own.encoder_noise,
         follow=own.follow(hz),

@@ -128,7 +128,7 @@ class Sensors:
     @property
     def scaled(self) -> "Sensors":
         """The same with `scale` multiplied in."""
-        names = [f"{unit}_{error}" for unit in _UNITS for error in _ERRORS]
+        names = [f"{unit}_{error}" for unit in UNITS for error in _ERRORS]
         names += ["misalignment", "encoder_resolution", "encoder_noise", "contact_noise"]
         most = {
             name: option.kind.most
@@ -139,7 +139,7 @@ class Sensors:
         return replace(self, scale=1.0, **grown)
 
 
-_UNITS = ("gyroscope", "accelerometer")
+UNITS = ("gyroscope", "accelerometer")
 _ERRORS = ("noise", "bias", "drift", "scale")
 
 _MEMS = Sensors(

@@ -13,14 +13,11 @@ from fbid_gym.estimation.errors import ERRORS, find_errors
 from fbid_gym.estimation.estimator import Estimator
 from fbid_gym.estimation.random_numbers import seeded
 from fbid_gym.estimation.sensing import Wear, instruments_of, sense
-from fbid_gym.estimation.sensors import Sensors
+from fbid_gym.estimation.sensors import UNITS, Sensors
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
-_DRAWN = (
-    *("gyroscope_bias", "accelerometer_bias", "gyroscope_scale", "accelerometer_scale"),
-    *("mounted", "latency"),
-)
+_ERRING = tuple(f"{unit}_{error}" for error in ("bias", "scale") for unit in UNITS)
 
 
 class Perception:
@@ -40,19 +37,14 @@ class Perception:
         self._instruments = instruments_of(sensors, self.estimator.mounting, points, hz, robot)
         latest = max(sensors.imu_latency[1], sensors.encoder_latency[1], sensors.contact_latency[1])
         ages, size = 1 + round(latest * hz), 6 + 2 * robot.num_joints + feet + 1
-        ones = np.ones(count, np.int64)
         self._wear = Wear(
-            generator=np.stack([ones, ones], axis=1),
-            gyroscope_bias=np.zeros((count, 3)),
-            accelerometer_bias=np.zeros((count, 3)),
-            gyroscope_scale=np.zeros((count, 3)),
-            accelerometer_scale=np.zeros((count, 3)),
+            generator=np.ones((count, 2), np.int64),
             mounted=np.tile(np.eye(3), (count, 1, 1)),
             latency=np.zeros((count, 3), np.int64),
             begun=np.zeros(count, bool),
-            moved=np.zeros((count, 3)),
             wrong=np.zeros((count, feet), bool),
             history=np.zeros((count, ages, size)),
+            **{name: np.zeros((count, 3)) for name in (*_ERRING, "moved")},
         )
         self._all = np.ones(count, bool)
 
@@ -60,10 +52,10 @@ class Perception:
         """Draw how the sensors of one robot err in its next episode."""
         own, wear = self.sensors.scaled, self._wear
         wear.generator[env] = seeded(rng)
-        for name in ("gyroscope", "accelerometer"):
+        for unit in UNITS:
             for error in ("bias", "scale"):
-                size = getattr(own, f"{name}_{error}")
-                getattr(wear, f"{name}_{error}")[env] = size * rng.standard_normal(3)
+                size = getattr(own, f"{unit}_{error}")
+                getattr(wear, f"{unit}_{error}")[env] = size * rng.standard_normal(3)
         turned = own.misalignment * rng.standard_normal(3)
         half = np.concatenate([[1.0], 0.5 * turned])
         wear.mounted[env] = quaternion_to_matrix(half / np.linalg.norm(half)).T
@@ -97,7 +89,7 @@ class Perception:
     @property
     def drawn(self) -> dict[str, np.ndarray]:
         """How the sensors err now: (N, ...) by name; live."""
-        return {name: getattr(self._wear, name) for name in _DRAWN}
+        return {name: getattr(self._wear, name) for name in (*_ERRING, "mounted", "latency")}
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
