@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import FbidError
 from fbid_gym.exit_status import exit_status
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -74,8 +75,7 @@ def _run(given: list[str]) -> None:
         print(_help())
         return
     name, *rest = given
-    if name not in COMMANDS:
-        raise UnknownOptionError("command", name, COMMANDS)
+    check_choices("command", [name], COMMANDS)
     command = COMMANDS[name]
     folder = str(_programs())
     sys.path.insert(0, folder)

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import RobotError
 from fbid_gym.own_files import asset_places
 from fbid_gym.robots import zoo
 from fbid_gym.robots.robot import Robot
@@ -115,8 +116,7 @@ def load(name: str) -> Robot:
         return Robot.load(name)
     if name.startswith(zoo.ZOO):
         return zoo.named(name)
-    if name not in BUILT_IN:
-        raise UnknownOptionError("robot", name, ROBOTS)
+    check_choices("robot", [name], ROBOTS)
     asset, feet, home = BUILT_IN[name]
     return Robot.from_mjcf(asset_path(asset), feet, name=name, home=home)
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from fbid_gym.checks import check_finite, check_shape, number, real_numbers
-from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.checks import check_choices, check_finite, check_shape, number, real_numbers
+from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range
@@ -31,16 +31,14 @@ def home_pose(
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str) and not stands_up(model, home):
-        if home not in keyframes:
-            raise UnknownOptionError("keyframe", home, [*filter(None, keyframes), STAND])
+        check_choices("keyframe", [home], [*filter(None, keyframes), STAND])
         qpos = keyframes[home]
     elif home is None or isinstance(home, str | Mapping):
         low, high = joint_range(model).T
         reference = np.concatenate([model.qpos0[:7], np.clip(model.qpos0[7:], low, high)])
         qpos = keyframes.get(_KEYFRAME, reference)
         for joint, value in (home if isinstance(home, Mapping) else {}).items():
-            if joint not in names:
-                raise UnknownOptionError("joint in home", joint, names)
+            check_choices("joint in home", [joint], names)
             qpos[7 + list(names).index(joint)] = number(f"home of {joint}", value)
     else:
         expected = "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"

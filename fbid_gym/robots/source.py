@@ -13,7 +13,8 @@ from xml.parsers.expat import ExpatError
 
 import mujoco
 
-from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError, shown
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import InvalidValueError, RobotError, shown
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import pack
 from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
@@ -181,11 +182,9 @@ def _of_menagerie(name: str) -> Path:
     import mujoco_menagerie as menagerie
 
     robot, _, file = name.removeprefix(MENAGERIE).partition("/")
-    if robot not in (known := menagerie.names()):
-        raise UnknownOptionError("robot of mujoco_menagerie", robot, known)
+    check_choices("robot of mujoco_menagerie", [robot], menagerie.names())
     found = menagerie.get(robot)
-    if file and file not in found.entry_names:
-        raise UnknownOptionError(f"file of {MENAGERIE}{robot}", file, found.entry_names)
+    check_choices(f"file of {MENAGERIE}{robot}", [file] if file else [], found.entry_names)
     try:
         return Path(found.xml(file or found.default_model))
     except (menagerie.MenagerieError, OSError) as error:

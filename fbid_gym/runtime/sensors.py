@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_finite, contiguous, real_numbers
-from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.checks import check_choices, check_finite, contiguous, real_numbers
+from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
@@ -65,9 +65,7 @@ class Sensing:
         if not isinstance(sensors, Mapping):
             expected = "a dictionary from names of sensors to numbers, or a RobotState"
             raise InvalidValueError("sensors", sensors, expected)
-        for name in sensors:
-            if name not in self.shapes:
-                raise UnknownOptionError("sensor", name, self.shapes)
+        check_choices("sensor", sensors, self.shapes)
         qpos, qvel = np.empty(self.robot.nq), np.empty(self.robot.nv)
         for whole, parts in ((qpos, _POSE), (qvel, _MOTION)):
             for name, part in parts.items():

@@ -32,7 +32,9 @@ an outer start after 21 h.
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Number
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, plane
@@ -91,11 +93,10 @@ def make_terrain(
         InvalidValueError: `height` of obstacles or rocks is negative or more than that of the
             robot, or of a levelled terrain is given; `difficulty` is not within 0 and 1.
     """
-    if name not in TERRAINS:
-        raise UnknownOptionError("terrain", name, TERRAINS)
+    check_choices("terrain", [name], TERRAINS)
     check_height(name, height)
-    if difficulty is not None and not 0.0 <= difficulty <= 1.0:
-        raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+    if difficulty is not None:
+        Number(0.0, 1.0).check("difficulty", difficulty)
     if name in LEVELLED:
         levels = np.linspace(0.0, 1.0, NUM_LEVELS) if difficulty is None else np.array([difficulty])
         return make_levels(name, _scale(robot), levels, seed)
@@ -131,8 +132,7 @@ def hardest(kind: str, robot: Robot) -> float:
     That is the tangent of slopes; otherwise the height of the highest step, in heights of the
     centre of mass at home. Kinds are those of `LEVELLED` but "mixed".
     """
-    if kind not in PATCHES:
-        raise UnknownOptionError("kind of patch", kind, PATCHES)
+    check_choices("kind of patch", [kind], PATCHES)
     return _scale(robot).reach * PATCHES[kind].hardest
 
 

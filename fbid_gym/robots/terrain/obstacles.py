@@ -60,7 +60,7 @@ class Obstacles:
         centre, _, sizes, _ = self.planks
         half, cell = float(abs(centre).max() + sizes.max()), 0.5 * float(sizes.min())
         line = np.arange(-half, half + cell, cell)
-        elevation = np.array([self.height(line, y) for y in line])  # a row at a time: they are many
+        elevation = np.array([self.height(line, line[[k]]) for k in range(len(line))])
         return HeightGrid(line[[0, 0]], cell, elevation)
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
