@@ -8,6 +8,7 @@ from fbid_gym import robots
 from fbid_gym.motions import squat_bow
 from fbid_gym.robots import Robot
 from fbid_gym.robots.built_in import asset_path
+from fbid_gym.robots.mirror import mirror_of
 
 
 def posed(
@@ -26,6 +27,14 @@ def sensed(qpos: np.ndarray, qvel: np.ndarray, force: np.ndarray) -> dict[str, n
     place = {"position": qpos[:3], "orientation": qpos[3:7], "joint_position": qpos[7:]}
     rates = {"velocity": qvel[:3], "angular_velocity": qvel[3:6], "joint_velocity": qvel[6:]}
     return place | rates | {"contact_force": force}
+
+
+def in_mirror(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States (N, nq), (N, nv) in the mirror, the world's plane of x and z."""
+    joints, home, across = mirror_of(robot).joints, robot.home_qpos[7:], np.array([1.0, -1.0, 1.0])
+    turned, angles = qpos[:, 3:7] * [1.0, -1.0, 1.0, -1.0], home + joints.of(qpos[:, 7:] - home)
+    speed = [qvel[:, :3] * across, -qvel[:, 3:6] * across, joints.of(qvel[:, 6:])]
+    return np.hstack([qpos[:, :3] * across, turned, angles]), np.hstack(speed)
 
 
 def points(robot: Robot, data: mujoco.MjData) -> np.ndarray:

@@ -38,15 +38,6 @@ class Mirror(NamedTuple):
     joints: Reflection  # of what they do, counted from home: positions, velocities, torques
     feet: Reflection  # of what they have, such as loads
     points: Reflection  # of what contact points have
-    home: np.ndarray  # (n,) rad (m for slides), of the joints
-
-    def of_state(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return states (N, nq), (N, nv) in the mirror, the world's plane of x and z."""
-        turned = np.array([1.0, -1.0, 1.0, -1.0])
-        joints = self.home + self.joints.of(qpos[:, 7:] - self.home)
-        place = np.hstack([qpos[:, :3] * _ACROSS, qpos[:, 3:7] * turned, joints])
-        speed = [qvel[:, :3] * _ACROSS, -qvel[:, 3:6] * _ACROSS, self.joints.of(qvel[:, 6:])]
-        return place, np.hstack(speed)
 
 
 @once_for_robot
@@ -74,7 +65,7 @@ def mirror_of(robot: Robot) -> Mirror:
     foot_of = np.repeat(np.arange(robot.num_feet), [foot.num_points for foot in robot.feet])
     foot = np.array([foot_of[point[foot_of == k][0]] for k in range(robot.num_feet)])
     feet, points = (Reflection(entry, np.ones(len(entry))) for entry in (foot, point))
-    return Mirror(joints, feet, points, robot.home_qpos[7:])
+    return Mirror(joints, feet, points)
 
 
 def _partners(robot: Robot, apart: np.ndarray, names: list[str]) -> np.ndarray:

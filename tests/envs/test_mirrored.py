@@ -8,8 +8,8 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.mirrored import mirrored
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.robots.mirror import mirror_of
 from fbid_gym.runtime.config import EnvConfig
+from tests.postures import in_mirror
 
 WALK = "QuadrupedWalk-v0"
 
@@ -19,10 +19,10 @@ def batch_of(env: str, layer: str, **arguments) -> EnvBatch:
     return EnvBatch(EnvConfig.of(given), 2)
 
 
-def in_the_mirror(plan, mirror):
+def in_the_mirror(plan, robot):
     """The same episode with its commands and pushes to the other side."""
     other = {name: np.array(value) for name, value in plan.items()}
-    start = mirror.of_state(plan["qpos"][None], plan["qvel"][None])
+    start = in_mirror(robot, plan["qpos"][None], plan["qvel"][None])
     other["qpos"], other["qvel"] = (each[0] for each in start)
     for name in ("push_force", "push_velocity"):  # and turning
         size = other[name].shape[-1]
@@ -47,13 +47,12 @@ def test_a_mirrored_episode_is_the_episode_in_the_mirror(env, layer, arguments, 
     if "priority_action" in arguments:
         arguments = {"layer_options": arguments}
     batch = batch_of(env, layer, **arguments)
-    mirror, plans = mirror_of(batch.robot), []
-    seen, done = mirrored(batch)
+    plans, (seen, done) = [], mirrored(batch)
     kind = type(batch.task)
     draw = kind.draw
 
     def both(task, generator):
-        plans.append(in_the_mirror(plans[0], mirror) if plans else draw(task, generator))
+        plans.append(in_the_mirror(plans[0], batch.robot) if plans else draw(task, generator))
         return plans[-1]
 
     monkeypatch.setattr(kind, "draw", both)

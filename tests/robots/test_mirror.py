@@ -9,6 +9,7 @@ import pytest
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.mirror import mirror_of
+from tests.postures import in_mirror
 from tests.robots.similar import turned
 
 
@@ -38,12 +39,12 @@ def test_mirrored_states_and_torques_come_to_mirrored_states(name, rng):
     qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7])
     qpos[:, 7:] += 0.02 * rng.normal(size=robot.num_joints)
     torque = 0.2 * rng.normal(size=robot.num_joints) * robot.torque_limit
-    there = mirror.of_state(*after(robot, qpos[0], qvel[0], torque))
-    other = mirror.of_state(qpos, qvel)
+    there = in_mirror(robot, *after(robot, qpos[0], qvel[0], torque))
+    other = in_mirror(robot, qpos, qvel)
     here = after(robot, other[0][0], other[1][0], mirror.joints.of(torque))
     for one, same in zip(there, here, strict=True):
         np.testing.assert_allclose(one, same, atol=1e-9)
-    for once, back in zip((qpos, qvel), mirror.of_state(*other), strict=True):
+    for once, back in zip((qpos, qvel), in_mirror(robot, *other), strict=True):
         np.testing.assert_allclose(once, back, atol=1e-12)
 
 
