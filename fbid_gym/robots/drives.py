@@ -134,11 +134,6 @@ def drives_of(robot: Robot) -> Drives:
     return Drives(line, none, forever, 1.0, np.inf, none, none)
 
 
-def check_motors(motors: Any) -> None:
-    """Raise an FbidError unless `motors` is the name of a preset or a table of valid values."""
-    _table(motors)
-
-
 def with_motors(robot: Robot, motors: Any, sheet: Mapping[str, Any] | None = None) -> Robot:
     """Return a robot of ideal motors with those that are asked for; the same if these are ideal.
 
@@ -155,7 +150,7 @@ def complete_table(robot: Robot, motors: Any, sheet: Mapping[str, Any] | None = 
     """Return what `motors` means for a robot today: one table without a base, as JSON holds it."""
     if motors == IDEAL:
         return motors
-    table = _table(motors)
+    table = motor_table(motors)
     if table.base is not None:
         if sheet is None:
             expected = f'"{IDEAL}" or a table: robot {robot.name!r} has no data sheet'
@@ -164,7 +159,8 @@ def complete_table(robot: Robot, motors: Any, sheet: Mapping[str, Any] | None = 
     return _given(table)
 
 
-def _table(motors: Any) -> MotorTable:
+def motor_table(motors: Any) -> MotorTable:
+    """Return the table that `motors` is or names, or raise an FbidError; that of IDEAL is empty."""
     if isinstance(motors, str):
         check_choices("motors", [motors], (IDEAL, SHEET, "a table"))
         return MotorTable(base=SHEET if motors == SHEET else None)

@@ -37,8 +37,10 @@ def refuse_unmodelled(model: mujoco.MjModel) -> int:
     """
     base = _base_of_tree(model)
     _refuse_extremes(model)
+    parts = [getattr(model, f"tendon_{name}") for name in _ACTING]
+    acting = [t for t in range(model.ntendon) if any(np.any(part[t]) for part in parts)]
     refuse(
-        *(model, _OBJ.mjOBJ_TENDON, [t for t in range(model.ntendon) if _acts(model, t)]),
+        *(model, _OBJ.mjOBJ_TENDON, acting),
         "Tendons that act are not supported: {}. Expected none with stiffness, damping, "
         "frictionloss, armature or a range; joints may have springs and dampers.",
     )
@@ -94,10 +96,6 @@ def _tie(model: mujoco.MjModel, tie: int) -> str:
     ends = [end for end in (model.eq_obj1id[tie], model.eq_obj2id[tie]) if end >= 0]
     name = object_name(model, _OBJ.mjOBJ_EQUALITY, tie)
     return f"{name} ({kind} of {listed(object_names(model, parts, ends))})"
-
-
-def _acts(model: mujoco.MjModel, tendon: int) -> bool:
-    return any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _ACTING)
 
 
 def _refuse_options(option: mujoco.MjOption) -> None:

@@ -13,14 +13,14 @@ from fbid_gym.actions.additions import Additions
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, UnknownArgumentError
 from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.options import Choice, Named, Number, Pair, Whole, check_fields, options_of
 from fbid_gym.robots import MENAGERIE, ROBOTS, ZOO, Robot, load
 from fbid_gym.robots.by_place import by_place
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.data_sheets import motor_sheet
-from fbid_gym.robots.drives import IDEAL, check_motors, complete_table, with_motors
+from fbid_gym.robots.drives import IDEAL, complete_table, motor_table, with_motors
 from fbid_gym.robots.home_check import check_upright
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
@@ -182,7 +182,7 @@ class EnvConfig:
         check_fields(self)
         by_name("layer_options", self.layer_options)
         check_height(self.terrain, self.terrain_height)
-        check_motors(self.motors)
+        motor_table(self.motors)
         self.rates()
         _check_felt(self.motors, self.randomisations())
         if self.perceived() is None and self.state == "estimated":
@@ -225,18 +225,15 @@ class EnvConfig:
 
     def _plain_robot(self) -> Robot:
         robot = self.robot
-        if isinstance(robot, str) and robot.startswith((MENAGERIE, ZOO)):
+        if isinstance(robot, str):
+            if not robot.startswith((MENAGERIE, ZOO)):  # many give the path of their file here
+                made = "a Robot such as Robot.load(path) makes"
+                check_choices("robot", [robot], (*ROBOTS, made))
             robot = load(robot)
-        if isinstance(robot, Robot):
-            check_upright(robot)
-            return robot
-        if not isinstance(robot, str):
+        if not isinstance(robot, Robot):
             raise InvalidValueError("robot", robot, f"a Robot or one of {', '.join(ROBOTS)}")
-        if robot not in ROBOTS:
-            # Many give the path of their file here.
-            made = "a Robot such as Robot.load(path) makes"
-            raise UnknownOptionError("robot", robot, (*ROBOTS, made))
-        return load(robot)
+        check_upright(robot)
+        return robot
 
     def rates(self) -> Rates:
         """Return the checked rates."""
