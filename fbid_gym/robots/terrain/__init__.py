@@ -38,7 +38,7 @@ from fbid_gym.options import Number
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, plane
-from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
+from fbid_gym.robots.terrain.levels import NUM_LEVELS, make_levels
 from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
@@ -65,7 +65,7 @@ _LEAST_REACH = 0.1
 _SPACING = 10.0  # of the places to start from, in reaches of the robot: 0.12 m for `quadruped`
 _HEIGHT = 0.04  # m
 # Share of the height of the centre of mass that feet clear with ease: on points, and on soles.
-_REACH = {True: 1.0, False: 0.2}
+_REACH = {False: 1.0, True: 0.2}
 
 
 def make_terrain(
@@ -99,7 +99,7 @@ def make_terrain(
         Number(0.0, 1.0).check("difficulty", difficulty)
     if name in LEVELLED:
         levels = np.linspace(0.0, 1.0, NUM_LEVELS) if difficulty is None else np.array([difficulty])
-        return make_levels(name, _scale(robot), levels, seed)
+        return make_levels(name, float(robot.at_home.com[2]), _REACH[robot.has_soles], levels, seed)
     height = _HEIGHT if height is None else height
     if name == "flat" or height == 0.0:
         return Field(np.zeros((1, 2)), np.inf)
@@ -133,7 +133,7 @@ def hardest(kind: str, robot: Robot) -> float:
     centre of mass at home. Kinds are those of `LEVELLED` but "mixed".
     """
     check_choices("kind of patch", [kind], PATCHES)
-    return _scale(robot).reach * PATCHES[kind].hardest
+    return _REACH[robot.has_soles] * PATCHES[kind].hardest
 
 
 def world_of(robot: Robot, terrain: Terrain) -> mujoco.MjSpec:
@@ -141,11 +141,6 @@ def world_of(robot: Robot, terrain: Terrain) -> mujoco.MjSpec:
     spec = robot.spec.copy()
     terrain.add_to(spec)
     return spec
-
-
-def _scale(robot: Robot) -> Scale:
-    """The height of its centre of mass, and what its feet clear."""
-    return Scale(float(robot.at_home.com[2]), _REACH[not robot.has_soles])
 
 
 def _reach(robot: Robot) -> float:

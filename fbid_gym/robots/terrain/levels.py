@@ -4,8 +4,6 @@ One model serves all robots and all levels, so that a robot moves to harder grou
 next episode in another place.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fbid_gym.robots.terrain.field import Field, Tiles, settled
@@ -18,22 +16,16 @@ _CELL = 0.14  # heights of the centre of mass
 _COLOUR = (0.66, 0.62, 0.55)
 
 
-class Scale(NamedTuple):
-    """What a terrain's lengths are relative to."""
-
-    length: float  # m, height of the robot's centre of mass at home
-    reach: float  # share of it that the feet clear with ease
-
-
-def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Field:
+def make_levels(kind: str, unit: float, reach: float, difficulties: np.ndarray, seed: int) -> Field:
     """Make a terrain with levels of these difficulties (L,), each from 0 to 1.
 
-    Its patches are of one of the kinds of `PATCHES`, or of all if "mixed". The seed decides what is
-    random, which is the same for all levels.
+    Its patches are of one of the kinds of `PATCHES`, or of all if "mixed"; lengths in them are in
+    heights of the robot's centre of mass, `unit` (m), of which its feet clear the share `reach`.
+    The seed decides what is random, which is the same for all levels.
     """
     nodes = round(EDGE / _CELL)
     line = (np.arange(nodes + 1) / nodes - 0.5) * EDGE
-    places = Places(*np.meshgrid(line, line), scale.reach)
+    places = Places(*np.meshgrid(line, line), reach)
     whole = np.zeros((_PATCHES * nodes + 1, len(difficulties) * _PATCHES * nodes + 1))
     for level, difficulty in enumerate(difficulties):
         rng = np.random.default_rng(seed)
@@ -44,16 +36,16 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
                 part = PATCHES[kinds[row, column]].make(places, float(difficulty), rng)
                 block = tuple(slice(start, start + nodes + 1) for start in first)
                 whole[block] = np.maximum(whole[block], part)
-    cell, edge = EDGE / nodes * scale.length, _PATCHES * EDGE * scale.length
-    elevation = settled(whole * scale.length)
+    cell, edge = EDGE / nodes * unit, _PATCHES * EDGE * unit
+    elevation = settled(whole * unit)
     grid = HeightGrid(np.array([-0.5 * edge, -0.5 * edge]), cell, elevation)
-    inner = (np.arange(1, _PATCHES - 1) - 0.5 * (_PATCHES - 1)) * EDGE * scale.length
+    inner = (np.arange(1, _PATCHES - 1) - 0.5 * (_PATCHES - 1)) * EDGE * unit
     corner = np.stack(np.meshgrid(inner, inner), axis=-1).reshape(-1, 2)
     starts = [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
     names = list(PATCHES)
     numbers = np.array([[names.index(k) for k in row] for row in kinds])
     tiles = Tiles(len(difficulties), edge, numbers)
-    return Field(np.concatenate(starts), CLEARING * scale.length, tiles, grid, _COLOUR)
+    return Field(np.concatenate(starts), CLEARING * unit, tiles, grid, _COLOUR)
 
 
 def _kinds(kind: str, rng: np.random.Generator) -> np.ndarray:
