@@ -38,10 +38,7 @@ def check_choices(kind: str, values: Iterable[str], choices: Iterable[str]) -> N
 def positive_numbers(name: str, value: Any, *sizes: int) -> np.ndarray:
     """Return positive finite numbers, as many as one of `sizes`."""
     expected = " or ".join(str(size) for size in sizes) + " positive finite numbers"
-    try:
-        numbers = np.atleast_1d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidValueError(name, value, expected) from None
+    numbers = np.atleast_1d(real_numbers(name, value, expected)).astype(float, copy=False)
     valid = numbers.ndim == 1 and len(numbers) in sizes
     if not valid or not ((numbers > 0.0) & (numbers < np.inf)).all():
         raise InvalidValueError(name, value, expected)
@@ -76,6 +73,15 @@ def real_numbers(name: str, value: Any, expected: str) -> np.ndarray:
     if array.dtype.kind not in "fiub" or np.ma.is_masked(value):
         raise InvalidValueError(name, value, expected)
     return array
+
+
+def finite_numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return finite numbers of a shape as floats."""
+    found = real_numbers(name, value, f"numbers of shape {shape}").astype(float, copy=False)
+    if found.shape != shape:
+        raise ShapeError(name, found.shape, f"{shape}")
+    check_finite(name, found)
+    return found
 
 
 def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: str) -> None:

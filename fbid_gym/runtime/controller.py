@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_choices, check_finite, real_numbers
+from fbid_gym.checks import check_choices, finite_numbers
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.environments import ENVIRONMENTS
-from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, NonFiniteError, UnknownOptionError
 from fbid_gym.policy import Policy
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import ROBOTS, Robot
@@ -159,17 +159,12 @@ class Controller:
                 the `speed` of a planned motion; the others are 0, the beginning of a motion.
 
         Raises:
-            FbidError: the plan has no such entry, or it is of another shape.
+            FbidError: the plan has no such entry, or it is of another shape or not finite.
         """
         plan, command = self.loop.plan, self.loop.plan.get("command")
         names = [n for n in plan if n not in (*answers.DRAWN, *_COMMANDED)]
         check_choices("entry of the plan", planned, names)
-        given = {}
-        for name, value in planned.items():
-            shape = plan[name].shape[1:]
-            given[name] = real_numbers(name, value, f"numbers of shape {shape}")
-            if given[name].shape != shape:
-                raise ShapeError(name, given[name].shape, f"{shape}")
+        given = {n: finite_numbers(n, v, plan[n].shape[1:]) for n, v in planned.items()}
         for name, value in plan.items():
             value[:] = given.get(name, 0)
         if command is not None:
@@ -282,12 +277,8 @@ class Controller:
     def _ground(self, points: np.ndarray) -> np.ndarray:
         """Ask for the height of the ground, (1, K) m, below points (1, K, 2 or 3) m."""
         assert self._heights is not None
-        shape = points.shape[1:2]
-        found = real_numbers("heights", self._heights(points[0, :, :2].copy()), f"numbers {shape}")
-        if found.shape != shape:
-            raise ShapeError("heights", found.shape, f"{shape}")
-        check_finite("heights", found)
-        return found[None].astype(float)
+        told = self._heights(points[0, :, :2].copy())
+        return finite_numbers("heights", told, points.shape[1:2])[None]
 
     def _zero(self, observation: np.ndarray) -> np.ndarray:
         return self._zero_action

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_finite, real_numbers
+from fbid_gym.checks import check_finite, finite_numbers, real_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, ShapeError
 
@@ -19,10 +19,7 @@ def checked_action(action: Any, shape: tuple[int, ...], *, refuse: bool) -> np.n
         NonFiniteError: one is NaN or infinite.
         InvalidValueError: they are no numbers, or one is refused.
     """
-    action = real_numbers("action", action, f"numbers of shape {shape}").astype(float, copy=False)
-    if action.shape != shape:
-        raise ShapeError("action", action.shape, f"{shape}")
-    check_finite("action", action)
+    action = finite_numbers("action", action, shape)
     if refuse and (abs(action) > 1.0 + _TOLERANCE).any():
         where = tuple(int(i) for i in np.argwhere(abs(action) > 1.0 + _TOLERANCE)[0])
         expected = "a number in [-1, 1], or the argument actions='clip'"
