@@ -77,7 +77,8 @@ def _run(given: list[str]) -> None:
     name, *rest = given
     check_choices("command", [name], COMMANDS)
     command = COMMANDS[name]
-    folder = str(_programs())
+    installed = _PACKAGE.parent / "fbid_gym_programs"
+    folder = str(installed if installed.is_dir() else _PACKAGE.parent)
     sys.path.insert(0, folder)
     paths = folder, os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
@@ -93,13 +94,6 @@ def _run(given: list[str]) -> None:
             f"{PROGRAM} {name} needs {missing}, which is not installed. It comes with the extra "
             f"{command.extra!r}: pip install 'fbid_gym[{command.extra}]'."
         ) from error
-
-
-def _programs() -> Path:
-    """Return the folder that holds `train/` and `eval/`."""
-    around = _PACKAGE.parent
-    installed = around / "fbid_gym_programs"
-    return installed if installed.is_dir() else around
 
 
 def _help() -> str:

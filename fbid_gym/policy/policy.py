@@ -8,7 +8,7 @@ Loading it runs no code from the file and needs no deep learning library.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -39,13 +39,6 @@ OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
 }
 """Outputs that keep actions within [-1, 1]: PPO's are cut off, SAC's squashed."""
-
-
-_ENTRIES = (
-    *("env_id", "env_args", "activation", "output", "clip", "epsilon"),
-    *("trained_steps", "algorithm", "versions", "card"),
-)
-"""Fields of a policy that its file has as JSON; the rest are arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,6 +241,11 @@ class Policy:
             return msgspec.convert({**data, **arrays, "source": str(file)}, cls)
         except msgspec.ValidationError as reason:
             raise PolicyFileError(f"{file}: {reason}") from reason
+
+
+_ARRAYS = ("mean", "variance", "weights", "biases")
+_ENTRIES = tuple(f.name for f in fields(Policy) if f.name not in (*_ARRAYS, "source"))
+"""Fields of a policy that its file has as JSON."""
 
 
 def _frozen(name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:

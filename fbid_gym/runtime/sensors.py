@@ -40,7 +40,6 @@ class Sensing:
 
     robot: Robot  # the robot
     shapes: dict[str, tuple[int, ...]]  # of each sensor's numbers, by name
-    weight: float  # of the robot, N
 
     @classmethod
     def of(cls, robot: Robot) -> "Sensing":
@@ -48,7 +47,7 @@ class Sensing:
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SENSORS, (3,))
         shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), TOUCH: (robot.num_points,)}
         shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
-        return cls(robot, shapes, robot.weight)
+        return cls(robot, shapes)
 
     def state(self, sensors: Any, tick: int) -> RobotState:
         """Return the state (N = 1) that sensors tell.
@@ -101,7 +100,7 @@ class Sensing:
             return contiguous(self._read(sensors, _FORCE))
         touching = self._read(sensors, TOUCH)
         force = np.zeros((len(touching), 3))
-        force[:, 2] = self.weight * touching / max(np.add.reduce(touching), 1.0)
+        force[:, 2] = self.robot.weight * touching / max(np.add.reduce(touching), 1.0)
         return force
 
 
