@@ -75,15 +75,6 @@ def real_numbers(name: str, value: Any, expected: str) -> np.ndarray:
     return array
 
 
-def finite_numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Return finite numbers of a shape as floats."""
-    found = real_numbers(name, value, f"numbers of shape {shape}").astype(float, copy=False)
-    if found.shape != shape:
-        raise ShapeError(name, found.shape, f"{shape}")
-    check_finite(name, found)
-    return found
-
-
 def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: str) -> None:
     """Raise ShapeError unless `array` has the expected shape; `axes` names them, as "(N, nv)"."""
     if tuple(array.shape) != expected:

@@ -108,7 +108,7 @@ def _check_links(robot: Robot, joint: np.ndarray) -> None:
         for power, (own, its) in enumerate(masses):
             if np.abs(own - its).max() > _ALIKE * robot.mass * size**power:
                 what = ("mass", "centre of mass", "inertia")[power]
-                name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, one)
+                name = robot.at_home.body_name(one)
                 raise _none(robot, f"body {name!r} has another {what} than its counterpart")
 
 

@@ -43,8 +43,7 @@ def checked_groups(task: Task) -> Groups:
     if not known or not all(isinstance(group, Group) for group in groups.values()):
         raise InvalidValueError(called, groups, "a dictionary from names to Groups")
     for name, group in groups.items():
-        if not _POSITIVE.holds(group.bound):
-            raise InvalidValueError(f"bound of {name!r} in {called}", group.bound, _POSITIVE.words)
+        _POSITIVE.check(f"bound of {name!r} in {called}", group.bound)
     return groups
 
 

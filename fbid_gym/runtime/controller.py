@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_choices, finite_numbers
+from fbid_gym.checks import check_choices
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, NonFiniteError, UnknownOptionError
@@ -22,7 +22,7 @@ from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort, add_power, limit
-from fbid_gym.runtime.given import checked_action, checked_command, clip
+from fbid_gym.runtime.given import checked_action, checked_command, clip, finite_numbers
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing

@@ -4,11 +4,20 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_finite, finite_numbers, real_numbers
+from fbid_gym.checks import check_finite, real_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 _TOLERANCE = 1e-6
+
+
+def finite_numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return finite numbers of a shape as floats, or raise an FbidError."""
+    found = real_numbers(name, value, f"numbers of shape {shape}").astype(float, copy=False)
+    if found.shape != shape:
+        raise ShapeError(name, found.shape, f"{shape}")
+    check_finite(name, found)
+    return found
 
 
 def checked_action(action: Any, shape: tuple[int, ...], *, refuse: bool) -> np.ndarray:
