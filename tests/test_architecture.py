@@ -81,23 +81,23 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 549, "fbid_gym/control/whole_body.py": 661}  # to be split
 LINES = {
-    ".": 2329,
+    ".": 2313,
     "actions": 2948,
     "control": 4619,
     "dynamics": 1604,
     "envs": 3415,
-    "estimation": 1984,
+    "estimation": 1965,
     "motions": 3639,
-    "policy": 618,
-    "robots": 5530,
-    "runtime": 1856,
+    "policy": 616,
+    "robots": 5464,
+    "runtime": 1829,
     "tasks": 2204,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
 TREES = {"tests": 29_333, "train": 5_169, "eval": 17_665, "eval/papers": 5_417}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
-READING = {"fbid_gym.actions.base_acceleration": (35, 6803)}
+READING = {"fbid_gym.actions.base_acceleration": (35, 6799)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task
