@@ -7,17 +7,6 @@ from eval.video import Clip
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.overlays import LABELS
 
-STARTS = (
-    "document.querySelectorAll('.clips').forEach(group=>{"
-    "const clips=[...group.querySelectorAll('video')];"
-    "const together=()=>clips.forEach(clip=>{clip.currentTime=0;clip.play()});"
-    "group.querySelector('button').onclick=together;"
-    "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)"
-    "new IntersectionObserver((seen,watch)=>{"
-    "if(seen.some(one=>one.isIntersecting)){watch.disconnect();together()}}).observe(group)})"
-)
-"""Script of a page with clips: those side by side start together, once they are seen."""
-
 
 class Shown(NamedTuple):
     """A clip on a page, with what stands above it."""

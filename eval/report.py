@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from markupsafe import Markup
 
-from eval.clips import STARTS, legend
+from eval.clips import legend
 from eval.comparison import Clips
 from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, Strip, panel, strips
-from eval.page.html import render
+from eval.page.html import STARTS, render
 from eval.results import Comparison, Layer, greatest_return
 from eval.statistics import coverage_ceiling
 from eval.wording import METRIC, capital, count, crossing, form_of, interval, number, percent, steps

@@ -1,4 +1,4 @@
-"""Pages from Jinja2 templates: what is not HTML of ours is escaped, wherever it comes from.
+"""Pages from Jinja2 templates: in HTML what is not ours is escaped, wherever it comes from.
 
 A page is self-contained: it takes nothing from elsewhere, and runs its own script alone. The parts
 that sections of several pages are made of are macros of `templates/parts.html`; those that Python
@@ -21,6 +21,9 @@ from PIL import Image
 from eval import wording
 from eval.page.figures import STYLE
 from train.runs.study import environment_name
+
+STARTS = (Path(__file__).parent / "clips.js").read_text().replace("\n", "")
+"""Script of a page with clips: those side by side start together, once they are seen."""
 
 
 def data(content: bytes, kind: str) -> str:
@@ -48,7 +51,7 @@ _KNOWN: dict[str, Callable[..., Any]] = {
 }
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
+    autoescape=jinja2.select_autoescape(("html",)),
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
