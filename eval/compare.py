@@ -16,7 +16,6 @@ from rich.markup import escape
 from eval.comparison import compare, film
 from eval.report import headline, page
 from eval.results import Settings
-from fbid_gym.options import check_fields
 from train.command import run_command
 from train.environments import register
 from train.runs.files import check_output, to_json, write
@@ -45,7 +44,6 @@ class CompareConfig:
 def run(config: CompareConfig, command: list[str]) -> None:
     """Compare, then write the page and its numbers."""
     console = Console()
-    check_fields(config.settings)
     check_output(config.out, "out", (".html", ".htm"))
     register(config.register)
     robot = chosen(config.robot, config.feet)

@@ -22,7 +22,7 @@ from eval.compare import main as compare
 from eval.rollout import Player, filmed
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.options import Choice, Each, Number, Whole, check_fields
+from fbid_gym.options import Choice, Each, Number, Whole
 from train.command import run_command
 from train.recipes import config_for
 from train.runs import robots
@@ -139,7 +139,6 @@ def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
 
 def main(config: DemoConfig) -> int:
     """Film, train, compare, report; return the exit status."""
-    check_fields(config)
     check_folder(config.out, "out")
     console = Console()
     began = time.monotonic()

@@ -20,7 +20,7 @@ from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.estimation import PRESETS
 from fbid_gym.estimation.sensors import ESTIMATORS, LIKE
-from fbid_gym.options import Choice, Each, Number, check_fields
+from fbid_gym.options import Choice, Each, Number
 from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 from train.runs.files import check_output, write
@@ -64,7 +64,6 @@ def errors_over_time(
 
 def run(config: EstimatesConfig) -> None:
     """Play, print the root mean squares, draw."""
-    check_fields(config)
     check_output(config.out, "out", (".svg",))
     panels = []
     for env in config.envs:

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from eval.rollout import filmed, load_player
 from eval.video import HEIGHT, WIDTH, encoded
-from fbid_gym.options import Number, Whole, check_fields
+from fbid_gym.options import Number, Whole
 from fbid_gym.robots import several
 from train.command import run_command
 from train.environments import parse_env_args
@@ -53,7 +53,6 @@ class GridConfig:
 
 def run(config: GridConfig) -> None:
     """Do what the command line asks."""
-    check_fields(config)
     console = Console()
     check_output(config.out, "out", tuple(_ENCODE))
     robots = several(config.robots)

@@ -36,7 +36,7 @@ from eval.zero_actions.tables import TABLES, ZeroActionConfig, cases
 from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, RunError
-from fbid_gym.options import Choice, Each, Number, Whole, check_fields
+from fbid_gym.options import Choice, Each, Number, Whole
 from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 from train.environments import run_file
@@ -153,7 +153,6 @@ def _centred(x: list[np.ndarray], y: list[np.ndarray]) -> tuple[np.ndarray, np.n
 
 def run(config: LayersConfig, command: Sequence[str]) -> None:
     """Run the files, measure, write the page; what can be refused is refused before."""
-    check_fields(config)
     check_output(config.out, "out", (".html", ".htm"))
     if config.write_docs:
         spliced(_PAGE, "")

@@ -27,7 +27,7 @@ from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.fitting import check_fits
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.options import Number, Whole, check_fields
+from fbid_gym.options import Number, Whole
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.command import run_command
@@ -286,7 +286,6 @@ def metrics_json(player: Player, episodes: Episodes, seed: int) -> str:
 
 def run(config: RolloutConfig) -> None:
     """Do what the command line asks."""
-    check_fields(config)
     console = Console()
     register(config.register)
     check_output(config.out, "out", (".json", ".csv"))

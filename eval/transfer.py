@@ -19,7 +19,7 @@ from rich.table import Table
 from eval.rollout import Player, lawful, load_player, play_player
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.errors import FbidError, InvalidValueError
-from fbid_gym.options import Choice, Whole, check_fields
+from fbid_gym.options import Choice, Whole
 from fbid_gym.policy import place_of
 from fbid_gym.robots import Robot, several
 from train.command import run_command
@@ -63,7 +63,6 @@ class TransferConfig:
 
 def run(config: TransferConfig) -> None:
     """Do what the command line asks."""
-    check_fields(config)
     console = Console()
     check_output(config.out, "out", (".csv",))
     if not config.sources:

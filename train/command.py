@@ -1,11 +1,13 @@
-"""How a command begins and ends: its options are a dataclass, its end is `exit_status`."""
+"""How a command begins and ends: its options are a dataclass, checked; its end is `exit_status`."""
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import is_dataclass
 from typing import Concatenate, TypeVar
 
 from fbid_gym.__main__ import called
 from fbid_gym.exit_status import exit_status
+from fbid_gym.options import check_fields
 from train.runs.command_line import read_options
 
 Options = TypeVar("Options")
@@ -41,6 +43,9 @@ def run_command(
         text = about and about.replace(f"\n{line}", f"\n    {prog} ").replace(line, f"{prog} ")
         words = [*called(module), *(sys.argv[1:] if given is None else given)]
         own = read_options(options, prog=prog, args=given, description=text)
+        for part in (own, *vars(own).values()):
+            if is_dataclass(part):
+                check_fields(part)
         return work(own, command=words) if told else work(own)
 
     return exit_status(asked)

@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from fbid_gym.options import Whole, check_fields
+from fbid_gym.options import Whole
 from train.command import run_command
 from train.runs.cluster import cluster
 from train.runs.config import cores
@@ -61,7 +61,6 @@ def unfinished(study: Study) -> list[Cell]:
 
 def main(config: SweepConfig) -> int:
     """Train; return the exit status."""
-    check_fields(config)
     console, study = Console(), read_study(config.study, config.out)
     check_cells(study)
     not_done, failed = list[Job](), frozenset[str]()

@@ -22,7 +22,7 @@ from eval.papers.experiment import OUT, Experiment, load, perform
 from eval.papers.page import Section, page, summary
 from eval.papers.registry import experiments
 from fbid_gym.errors import RunError
-from fbid_gym.options import Whole, check_fields
+from fbid_gym.options import Whole
 from train.command import run_command
 from train.runs.config import cores
 from train.runs.files import check_folder, read_json, write
@@ -78,7 +78,6 @@ def _section(experiment: Experiment, config: PapersConfig) -> Section:
 
 def run(config: PapersConfig, command: Sequence[str]) -> int:
     """Run, put the page together, write; what can be refused is refused before."""
-    check_fields(config)
     check_folder(config.out, "out")
     chosen, console = experiments(config.only), Console()
     # The longest first, so that all cores are busy to the end.

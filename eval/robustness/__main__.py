@@ -24,7 +24,7 @@ from eval.robustness.wording import headline
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.options import Whole, check_fields
+from fbid_gym.options import Whole
 from train.command import run_command
 from train.environments import parse_env_args, register
 from train.progress import progress
@@ -80,7 +80,6 @@ def run(config: RobustnessConfig, command: list[str]) -> None:
     check_choices("factor", config.factors, [factor.name for factor in FACTORS])
     check_choices("action layer", config.zero_action, LAYERS)
     check_positive(seconds=config.seconds)
-    check_fields(config)
     budget = Budget(config.episodes, config.seed)
     if config.write_docs:
         spliced(ROBUSTNESS_PAGE, "")

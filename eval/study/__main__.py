@@ -31,7 +31,7 @@ from eval.study.page import page
 from eval.study.results import RETURN, Findings, Settings
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
-from fbid_gym.options import Number, Whole, check_fields
+from fbid_gym.options import Number, Whole
 from train.command import run_command
 from train.progress import Tell, progress
 from train.runs.files import check_output, to_json, write
@@ -72,8 +72,6 @@ class StudyConfig:
 
 def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
     """Read, print, write; return the exit status."""
-    check_fields(config)
-    check_fields(config.settings)
     console = Console(width=200, highlight=False)
     study = read_study(config.study, config.runs)
     check_cells(study)

@@ -18,7 +18,7 @@ from PIL import Image
 
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, size_of
 from fbid_gym.envs.robot_env import RobotEnv
-from fbid_gym.options import Choice, check_fields
+from fbid_gym.options import Choice
 from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.terrain import LEVELLED
 from train.command import run_command
@@ -101,7 +101,6 @@ class PictureConfig:
 
 def main(config: PictureConfig) -> None:
     """Draw, and write."""
-    check_fields(config)
     check_output(config.path, "path", (".jpg", ".png"))
     Image.fromarray(PICTURES[config.kind]()).save(config.path, quality=88)
 

@@ -14,7 +14,6 @@ from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
 from fbid_gym.errors import InvalidValueError, RunError
-from fbid_gym.options import check_fields
 from train.command import run_command
 from train.runs.files import check_output, write
 from train.runs.tables import check_kept, read_rows, to_csv
@@ -55,7 +54,6 @@ class Sum(NamedTuple):
 
 def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
     """Measure, print, write; what can be refused is refused before."""
-    check_fields(config)
     table, file, page = TABLES[config.table], config.csv, DOCS / f"{config.table}.md"
     if config.write_docs:
         if file is not None:

@@ -18,7 +18,7 @@ from eval.tools.bench import environments, laws, layers, learning, processes
 from eval.tools.bench.figures import Section
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
-from fbid_gym.options import Choice, Each, Whole, check_fields
+from fbid_gym.options import Choice, Each, Whole
 from fbid_gym.robots import ROBOTS
 from train.command import run_command
 from train.runs.files import check_folder, to_json, write
@@ -75,7 +75,6 @@ class BenchConfig:
 
 def main(config: BenchConfig) -> None:
     """Measure, print, write; what can be refused is refused before."""
-    check_fields(config)
     check_folder(config.out, "out")
     if config.write_docs:
         spliced(BENCHMARK_PAGE, "")  # before minutes of measuring
