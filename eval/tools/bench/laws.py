@@ -1,16 +1,16 @@
 """Cost of the laws per control tick, relative to the physics steps that a tick drives."""
 
-import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from itertools import cycle
 
 import numpy as np
 
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import in_turns, timed_physics
+from eval.tools.bench.timing import Timed, added, in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.control.body_law import Command, desired_acceleration, stabilise
+from fbid_gym.control import body_law
+from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_target, in_world
@@ -32,7 +32,7 @@ LIMITS = {
 def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
     """Time terms and laws in a closed loop that stands, tick by tick beside the physics."""
     figures = []
-    found = in_turns({robot: _Stand(robot, num_robots).round for robot in robots}, rounds)
+    found = in_turns({robot: _standing(robot, num_robots) for robot in robots}, rounds)
     for robot, seconds in found.items():
         cost = dict(zip(PARTS, seconds.T / (TICKS * num_robots) * 1e6, strict=True))
         physics = cost["physics"]
@@ -64,69 +64,48 @@ def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
     )
 
 
-class _Stand:
-    """Robots that stand under the friction-limited law."""
+def _standing(name: str, count: int) -> Callable[[], tuple[float, ...]]:
+    """Stand under the friction-limited law, and return the CPU seconds of `PARTS` in a round.
 
-    def __init__(self, name: str, num_robots: int) -> None:
-        robot, rates = load(name), Rates()
-        self.simulation = Simulation(robot, num_robots, rates)
-        self.layers = {
-            key: BaseAcceleration.of(
-                robot,
-                rates.control,
-                planned_kind(robot),
-                contact=ContactOptions(contact_limits=limits),
-            )
-            for key, limits in (("eq. 15", "none"), ("limited", "friction"))
-        }
-        self.memories = {key: law.memory(num_robots) for key, law in self.layers.items()}
-        self.rng = np.random.default_rng(0)
-        self.action = np.zeros((num_robots, 6))
-        self.heading, self.home = Stance.of(robot).heading, home_target(robot)
-        self.physics = timed_physics(self.simulation)
-        self.seconds = dict.fromkeys(PARTS, 0.0)
-
-    def round(self) -> tuple[float, ...]:
-        """Put the robots on their feet, moving a little, and stand: seconds of `PARTS`."""
-        simulation, robot = self.simulation, self.simulation.robot
-        count = simulation.num_robots
-        velocity = self.rng.uniform(-0.1, 0.1, (count, robot.nv))
-        simulation.place(np.arange(count), np.tile(robot.home_qpos, (count, 1)), velocity)
-        for tick in range(SETTLE + TICKS):
-            if tick == SETTLE:
-                self.seconds = dict.fromkeys(PARTS, 0.0)
-                self.physics.seconds = 0.0
-            simulation.step(self.tick(reverse=bool(tick % 2)))
-        self.seconds["physics"] = self.physics.seconds
-        return tuple(self.seconds.values())
-
-    def timed(self, name: str, run: Callable[..., Any], *args: Any) -> Any:
-        """Add the CPU seconds of a call to those of a part."""
-        start = time.process_time()
-        result = run(*args)
-        self.seconds[name] += time.process_time() - start
-        return result
-
-    def tick(self, *, reverse: bool) -> np.ndarray:
-        """Time terms, stabiliser and both laws, the laws in either order."""
-        simulation = self.simulation
-        state = RobotState(
-            simulation.qpos,
-            simulation.qvel,
-            simulation.contact_force,
-            np.zeros(simulation.num_robots, np.int64),
+    Robots begin a round on their feet, moving a little; the laws take their turns in either order.
+    """
+    robot, rates, rng = load(name), Rates(), np.random.default_rng(0)
+    simulation, kind = Simulation(robot, count, rates), planned_kind(robot)
+    layers = {
+        key: BaseAcceleration.of(
+            robot, rates.control, kind, contact=ContactOptions(contact_limits=limits)
         )
-        terms = self.timed("terms", simulation.terms)
-        target = in_world(self.heading, self.home, terms)
-        constants = self.layers["limited"].law.constants
-        command = Command.to_target(self.action)
-        wanted = self.timed("stabiliser", stabilise, constants, command, state, target, terms)
-        active = self.layers["limited"].law.belief(state, target)
-        self.timed("desired", desired_acceleration, constants, wanted, state, target, terms, active)
-        torques = {}
-        for key in list(self.layers)[:: -1 if reverse else 1]:
-            law = self.layers[key].law
-            torques[key] = self.timed(
-                key, law.torque, wanted, state, target, terms, self.memories[key]
-            )
-        return torques["limited"]
+        for key, limits in (("eq. 15", "none"), ("limited", "friction"))
+    }
+    memories = {key: layer.memory(count) for key, layer in layers.items()}
+    law, turns, torque = layers["limited"].law, cycle((1, -1)), dict[str, np.ndarray]()
+    heading, home = Stance.of(robot).heading, home_target(robot)
+    command = Command.to_target(np.zeros((count, 6)))
+    timed = {
+        "physics": timed_physics(simulation),
+        "terms": Timed(simulation, "terms"),
+        "stabiliser": Timed(body_law, "stabilise"),
+        "desired": Timed(body_law, "desired_acceleration"),
+        **{key: Timed(layer.law, "torque") for key, layer in layers.items()},
+    }
+
+    def tick() -> None:
+        never = np.zeros(count, np.int64)
+        state = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, never)
+        terms = timed["terms"].terms()
+        target = in_world(heading, home, terms)
+        seen = state, target, terms
+        wanted = timed["stabiliser"].stabilise(law.constants, command, *seen)
+        active = law.belief(state, target)
+        timed["desired"].desired_acceleration(law.constants, wanted, *seen, active)
+        for key in list(layers)[:: next(turns)]:
+            torque[key] = timed[key].torque(wanted, *seen, memories[key])
+        simulation.step(torque["limited"])
+
+    def begin() -> None:
+        velocity = rng.uniform(-0.1, 0.1, (count, robot.nv))
+        simulation.place(np.arange(count), np.tile(robot.home_qpos, (count, 1)), velocity)
+        for _ in range(SETTLE):
+            tick()
+
+    return added(begin, tick, TICKS, lambda: tuple(timed[part].seconds for part in PARTS))

@@ -3,23 +3,21 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import Timed, in_turns, timed_physics
+from eval.tools.bench.timing import Timed, added, in_turns, timed_physics
 from eval.zero_actions.measures import begin
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.law import Law
-from fbid_gym.control.body_law import Command
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.runtime import Controller
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.runtime.rates import Rates
@@ -65,14 +63,9 @@ SINGLE_ROUNDS = 10
 over a batch."""
 
 
-class Seconds(NamedTuple):
-    """Of a round."""
-
-    cost: float  # of what is measured
-    physics: float
-
-
+Seconds = tuple[float, ...]
 Round = Callable[[], Seconds]
+"""Returns the seconds of what is measured, and of the physics."""
 
 
 def on_their_tasks(num_envs: int, rounds: int) -> Section:
@@ -210,9 +203,9 @@ def _one(robot: str, layer: str) -> Round:
     assert isinstance(env, RobotEnv)
     clock, action = time.perf_counter, zero_action(env.action_space)
     physics = timed_physics(env.batch.simulation, clock)
-    return _added(
+    return added(
         *(lambda: env.reset(seed=0), lambda: env.step(action), SINGLE_STEPS),
-        lambda: Seconds(clock() - physics.seconds, physics.seconds),
+        lambda: (clock() - physics.seconds, physics.seconds),
     )
 
 
@@ -221,7 +214,7 @@ def _task(env: str, layer: str, num_envs: int) -> Round:
     batch = EnvBatch(EnvConfig.of({**ENVIRONMENTS[env], "action_layer": layer}), num_envs)
     physics = timed_physics(batch.simulation)
     batch.loop.layer = timed = Timed(batch.layer, "torque")
-    return _from_a_reset(batch, TASK_STEPS, lambda: Seconds(timed.seconds, physics.seconds))
+    return _from_a_reset(batch, TASK_STEPS, lambda: (timed.seconds, physics.seconds))
 
 
 def _condition(env: str, part: str, num_envs: int) -> Round:
@@ -240,9 +233,7 @@ def _condition(env: str, part: str, num_envs: int) -> Round:
         timed = _Bounds(batch.layer.law)
         batch.loop.layer = replace(batch.layer, law=timed)  # type: ignore[arg-type]
     return _from_a_reset(
-        batch,
-        WALKING_STEPS,
-        lambda: Seconds(timed.seconds - within * physics.seconds, physics.seconds),
+        batch, WALKING_STEPS, lambda: (timed.seconds - within * physics.seconds, physics.seconds)
     )
 
 
@@ -252,54 +243,31 @@ class _Bounds:
     def __init__(self, law: Law) -> None:
         motors, limit = law.constants.motors, np.full(law.robot.num_joints, 1e9)
         boundless = motors._replace(line=motors.line._replace(torque=limit))
-        self._free = replace(law, constants=law.constants._replace(motors=boundless))
-        self._law, self._turn, self.seconds = law, 1, 0.0
+        free = replace(law, constants=law.constants._replace(motors=boundless))
+        self._law, self._free, self._turn = Timed(law, "torque"), Timed(free, "torque"), 1
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._law, name)
 
-    def torque(
-        self,
-        command: Command,
-        state: RobotState,
-        target: Target,
-        terms: DynamicsTerms,
-        memory: Memory,
-    ) -> np.ndarray:
+    @property
+    def seconds(self) -> float:
+        """By which it took longer."""
+        return self._law.seconds - self._free.seconds
+
+    def torque(self, *given: Any) -> np.ndarray:
         """Return the law's torque, see `Law.torque`."""
+        *seen, memory = given
         copied = {name: value.copy() for name, value in memory.items()}
         found, self._turn = {}, -self._turn
         for law, own in ((self._law, memory), (self._free, copied))[:: self._turn]:
-            start = time.process_time()
-            found[law] = law.torque(command, state, target, terms, own)
-            spent = time.process_time() - start
-            self.seconds += spent if law is self._law else -spent
+            found[law] = law.torque(*seen, own)
         return found[self._law]
 
 
 def _from_a_reset(batch: EnvBatch, steps: int, spent: Callable[[], Seconds]) -> Round:
     """What steps of a batch from a reset add to the seconds that are spent."""
     action = np.zeros((batch.num_envs, len(batch.action_names)))
-    return _added(lambda: begin(batch, 0), lambda: batch.step(action), steps, spent)
-
-
-def _added(
-    start: Callable[[], object],
-    step: Callable[[], object],
-    steps: int,
-    spent: Callable[[], Seconds],
-) -> Round:
-    """What a number of steps from a beginning add to the seconds that are spent."""
-
-    def run() -> Seconds:
-        start()
-        before = spent()
-        for _ in range(steps):
-            step()
-        after = spent()
-        return Seconds(after.cost - before.cost, after.physics - before.physics)
-
-    return run
+    return added(lambda: begin(batch, 0), lambda: batch.step(action), steps, spent)
 
 
 def _walk(env: str, layer: str, num_envs: int) -> Round:
@@ -312,6 +280,6 @@ def _walk(env: str, layer: str, num_envs: int) -> Round:
 
     def spent() -> Seconds:
         physics = sum(part.seconds for part in parts)
-        return Seconds(time.thread_time() - physics, physics)
+        return time.thread_time() - physics, physics
 
-    return _added(lambda: None, lambda: envs.step(action), WALKING_STEPS, spent)
+    return added(lambda: None, lambda: envs.step(action), WALKING_STEPS, spent)

@@ -70,3 +70,21 @@ def timed_physics(simulation: Simulation, clock: Clock = time.process_time) -> T
     timed = Timed(simulation.batch, "step", clock)
     simulation.batch = timed
     return timed
+
+
+def added(
+    start: Callable[[], object],
+    step: Callable[[], object],
+    steps: int,
+    spent: Callable[[], tuple[float, ...]],
+) -> Callable[[], tuple[float, ...]]:
+    """Return what says how much a number of steps from a beginning add to what is spent."""
+
+    def run() -> tuple[float, ...]:
+        start()
+        before = spent()
+        for _ in range(steps):
+            step()
+        return tuple(np.subtract(spent(), before).tolist())
+
+    return run
