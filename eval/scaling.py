@@ -27,10 +27,10 @@ from eval.page.figures import Series, panel, sheet
 from eval.statistics import holm
 from eval.study.cells import policy_digest
 from eval.transfer import COLUMNS, ZERO
-from eval.wording import Form, capital, number, percent
+from eval.wording import capital, number, over_seeds, percent
 from fbid_gym.envs.registered import registered
 from fbid_gym.errors import RunError
-from fbid_gym.options import Whole, check_fields
+from fbid_gym.options import Whole
 from fbid_gym.robots.several import each_name
 from train.command import run_command
 from train.runs.config import cores
@@ -77,7 +77,6 @@ class Played(NamedTuple):
 def main(config: ScalingConfig) -> int:
     """Play what has not been, then print and write; return the exit status."""
     console = Console(width=200, highlight=False)
-    check_fields(config)
     study = read_study(config.study, config.runs)
     check_cells(study)
     page = DOCS / f"{study.page}.md"
@@ -87,7 +86,7 @@ def main(config: ScalingConfig) -> int:
         raise RunError(f"{config.study}: has several environments. Expected one for all arms.")
     if config.write_docs:
         spliced(page, "", "robots")  # refuses a page without marks before anything is played
-    check_folder(_folder(study), "runs")
+    check_folder(study.runs / "transfer", "runs")
     waiting = list(jobs(study))
     failed = run_jobs(waiting, config.workers or cores(), console, keep_going=True)
     rows = kept(study)
@@ -111,10 +110,6 @@ _LEGEND = (
 )
 
 
-def _folder(study: Study) -> Path:
-    return study.runs / "transfer"
-
-
 def _tables(study: Study) -> dict[Path, tuple[Cell, bool]]:
     """Where rows are kept -> of which finished cell, and whether of the laws in its environment.
 
@@ -129,7 +124,9 @@ def _tables(study: Study) -> dict[Path, tuple[Cell, bool]]:
         own = (config.folder.name, policy_digest(cell)), (laws, json.dumps(rest, sort_keys=True))
         for of_laws, (name, what) in enumerate(own):
             digest = sha256((repr(study.transfer) + what).encode()).hexdigest()[:8]
-            found.setdefault(_folder(study) / f"{name}-{digest}.csv", (cell, bool(of_laws)))
+            found.setdefault(
+                study.runs / "transfer" / f"{name}-{digest}.csv", (cell, bool(of_laws))
+            )
     return found
 
 
@@ -250,7 +247,7 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
         returned, up = (one.over(what, robots) for what in ("returned", "up"))
         than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
         cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
-        together.append([*cells, _spread(returned, number), _spread(up, percent), *than])
+        together.append([*cells, over_seeds(returned, number), over_seeds(up, percent), *than])
     first = {row["robot"]: row for row in rows}
     then = (
         "Return, and share of the episodes without a fall, on each robot; in brackets, of who "
@@ -290,13 +287,6 @@ def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], st
         which: f"{(more > 0.0).sum()} of {len(robots)}, p = {number(p, 2)}"
         for (which, more), p in zip(pairs.items(), p_values, strict=True)
     }
-
-
-def _spread(values: np.ndarray, form: Form) -> str:
-    text = form(float(values.mean()))
-    if len(values) == 1:
-        return text
-    return f"{text} ({form(float(values.min()))} to {form(float(values.max()))})"
 
 
 if __name__ == "__main__":

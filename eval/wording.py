@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from eval.results import Crossing, Estimate
 from train.episodes import METRICS, Metric
 
@@ -98,6 +100,12 @@ def span(estimate: Estimate, form: Form = number) -> str:
     """Write the interval alone, as "low to high" that stays on one line."""
     low, high = (math.nan if end is None else end for end in (estimate.low, estimate.high))
     return f"{form(low)} to {form(high)}".replace(" ", _NO_BREAK)
+
+
+def over_seeds(values: np.ndarray, form: Form) -> str:
+    """Write the mean over seeds (S,), and their range where there are several."""
+    spread = f" ({form(values.min())} to {form(values.max())})" if len(values) > 1 else ""
+    return form(values.mean()) + spread
 
 
 def capital(text: str) -> str:

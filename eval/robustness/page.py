@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 from markupsafe import Markup
 
@@ -11,9 +10,9 @@ from eval.page.figures import Marks, Series, panel, sheet
 from eval.page.html import render
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
 from eval.robustness.factors import BY_NAME
-from eval.robustness.tables import cell, heading, means, written
+from eval.robustness.tables import heading, means
 from eval.robustness.wording import headline, lede
-from eval.wording import percent
+from eval.wording import METRIC, form_of, interval, percent
 
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
@@ -58,7 +57,7 @@ def panels(
             f"{heading(measure)}: {factor.title}",
             factor.axis,
             factor.written,
-            partial(written, measure),
+            form_of(METRIC[measure]),
             (along.values[0], along.values[-1]),
             (0.0, 1.04) if measure == "survived" else None,
             Marks(upright=along.nominal),
@@ -91,13 +90,13 @@ def _series(
 
 def _tables(found: Robustness, along: Along) -> list[tuple[list[str], list[list[str]]]]:
     """Return heads and rows of the points of every measure."""
-    factor = BY_NAME[along.name]
+    factor, forms = BY_NAME[along.name], {name: form_of(METRIC[name]) for name in found.measures}
     heads = [*map(factor.written, along.values), "change" if factor.stages else "area"]
     return [
         (
             [heading(measure), *heads],
             [
-                [arm, *(cell(measure, one) for one in [*curve.points, curve.summary])]
+                [arm, *(interval(x, forms[measure]) for x in [*curve.points, curve.summary])]
                 for arm, curve in along.curves[measure].items()
             ],
         )

@@ -23,21 +23,6 @@ def heading(measure: str) -> str:
     return capital(titled(METRIC[measure]))
 
 
-def written(measure: str, value: float) -> str:
-    """Write a value of a measure."""
-    return form_of(METRIC[measure])(value)
-
-
-def more_is_better(measure: str) -> bool:
-    """Whether more of a measure is better."""
-    return METRIC[measure].better > 0
-
-
-def cell(measure: str, estimate: Estimate) -> str:
-    """Write "value (low to high)"."""
-    return interval(estimate, lambda value: written(measure, value))
-
-
 def areas(found: Robustness) -> list[Along]:
     """Return the factors that are quantities."""
     return [along for along in found.along if not BY_NAME[along.name].stages]
@@ -94,12 +79,12 @@ def means(found: Robustness) -> list[tuple[str, bool, list[str], list[list[str]]
     """
     tables, heads = [], ["along", *(arm.replace("_", " ") for arm in found.arms)]
     for measure in found.measures:
-        rows = []
+        rows, metric = list[list[str]](), METRIC[measure]
         for along in found.along:
             name = f"{along.name}, change" if BY_NAME[along.name].stages else along.name
             curves = along.curves[measure].values()
-            rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
-        tables.append((heading(measure), more_is_better(measure), heads, rows))
+            rows.append([name, *(interval(curve.summary, form_of(metric)) for curve in curves)])
+        tables.append((heading(measure), metric.better > 0, heads, rows))
     return tables
 
 

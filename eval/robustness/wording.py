@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from eval.robustness.curves import Along, Robustness
-from eval.robustness.tables import areas, more_is_better, written
-from eval.wording import capital, count
+from eval.robustness.tables import areas
+from eval.wording import METRIC, capital, count, percent
 
 LEVEL = ""  # in place of an arm: none is clearly ahead
 
 
 def leader(along: Along, measure: str) -> str:
     """Return the arm that is clearly ahead along a factor: its interval lies beyond all others'."""
-    sign = 1.0 if more_is_better(measure) else -1.0
+    sign = METRIC[measure].better
     curves = along.curves[measure]
     best, *others = sorted(curves, key=lambda arm: -sign * curves[arm].summary.value)
     ends = {
@@ -35,9 +35,9 @@ def headline(found: Robustness) -> str:
         weakest = min(share, key=lambda name: share[name])
         mean = sum(share.values()) / len(share)
         return (
-            f"{capital(arm)} stays up in {written('survived', mean)} of its episodes, the mean "
+            f"{capital(arm)} stays up in {percent(mean)} of its episodes, the mean "
             f"along {count(len(share), 'factor')}; least along {weakest}, "
-            f"{written('survived', share[weakest])}."
+            f"{percent(share[weakest])}."
         )
     return _standing(found, "survived", "stays up more often than all others")
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from eval.clips import STARTS, Shown, legend
+from eval.clips import Shown, legend
 from eval.page.colours import colours_of
 from eval.page.figures import Series, Strip, panel, strips
-from eval.page.html import render
+from eval.page.html import STARTS, render
 from eval.results import Crossing
 from eval.robustness.curves import CONFIDENCE, Robustness
 from eval.robustness.factors import BY_NAME
@@ -26,7 +26,6 @@ from eval.study.results import (
     MEASURES,
     RETURN,
     ArmFound,
-    CellFound,
     Findings,
     Measure,
     Versus,
@@ -67,11 +66,10 @@ def page(
         across_heads=[f"{capital(measure.label)}: does better" for measure in across],
         thresholds=[f"{number(value)} m/s" for value in found.settings.thresholds],
         measures=[m for m in MEASURES if any(arm.has(m) for arm in found.arms)],
-        latest=_latest,
         trained=_trained,
         reached=_reached,
-        to_two=lambda one: f"{one:.2f}",
-        to_three=lambda one: f"{one:.3f}",
+        to_two="{:.2f}".format,
+        to_three="{:.3f}".format,
         commands="\n".join([*(cell.command for cell in cells), command]).strip(),
     )
 
@@ -180,12 +178,6 @@ def _against(
     return {"measures": shown, "heads": ["", *sum(heads, ())], "rows": others} if shown else {}
 
 
-def _latest(cell: CellFound, measure: Measure) -> str:
-    """Write a measure of a training's latest evaluation; a dash where it has none."""
-    value = cell.curves[measure.name][-1] if cell.begun else math.nan
-    return form_of(measure)(value) if math.isfinite(value) else "–"
-
-
 def _trained(arm: ArmFound) -> str:
     """Say after how many steps the numbers are, and how the unfinished trainings stand."""
     if arm.policy:
@@ -240,7 +232,7 @@ def _came_to(name: str, arms: Sequence[ArmFound], reference: str) -> list[str]:
     versus = order[0].versus.get(measure.name)
     if versus is not None:
         better = f"A run of {order[0].name} does better than one of {reference} with probability"
-        said.append(f"{better} {interval(versus.probability, lambda one: f'{one:.2f}')}.")
+        said.append(f"{better} {interval(versus.probability, '{:.2f}'.format)}.")
     return [" ".join(said)]
 
 

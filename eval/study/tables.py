@@ -6,7 +6,7 @@ evaluated in.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from eval.study import fresh
 from eval.study.cells import curve, exploring
 from eval.study.fresh import Played
 from eval.study.pace import Pace
-from eval.wording import capital, number, percent
+from eval.wording import Form, capital, number, over_seeds, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
 from train.runs.folder import RunFolder
@@ -104,6 +104,12 @@ def _series(arm: Arm, column: str, colour: int) -> Iterator[Series]:
 
 
 _HEAD = ("Environment", "Arm", "Seeds", "Steps", "Velocity error (m/s)", "Survival", "Return")
+_FORMS: dict[str, Form] = {
+    "velocity_error": "{:.3f}".format,
+    "survival": percent,
+    "return_mean": number,
+}
+"""Columns of the evaluations behind the last three, and how these are written."""
 
 
 def table(study: Study) -> str:
@@ -128,15 +134,13 @@ def table(study: Study) -> str:
 
 def _trained(arm: Arm) -> list[str]:
     """Write seeds, steps, and what they came to."""
-    errors, survival, returns = (
-        curve(arm, name) for name in ("velocity_error", "survival", "return_mean")
-    )
+    curves = {name: curve(arm, name) for name in _FORMS}
     finished, seeds = len(arm.finished()), str(len(arm.cells))
     if finished < len(arm.cells):
         seeds = f"{finished} of {seeds} finished"
-    steps = steps_text(errors.steps[-1]) if len(errors.steps) else "none"
-    cells = [seeds, steps, _change(errors.values, _fine), _change(survival.values, percent)]
-    return [*cells, _change(returns.values, number)]
+    until = curves["return_mean"].steps[-1:]
+    steps = steps_text(until[0]) if len(until) else "none"
+    return [seeds, steps, *(_change(curves[name].values, form) for name, form in _FORMS.items())]
 
 
 def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
@@ -157,20 +161,12 @@ def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
 
 def _unlearnt(its: Played | None) -> list[str]:
     """Write the same of what learns nothing; there is no before and after."""
-    forms = {"velocity_error": _fine, "survival": percent, "return_mean": number}
-    values = {name: np.nan if its is None else its.means[name].item() for name in forms}
-    return [form(values[n]) if np.isfinite(values[n]) else "–" for n, form in forms.items()]
+    values = {name: np.nan if its is None else its.means[name].item() for name in _FORMS}
+    return [form(values[n]) if np.isfinite(values[n]) else "–" for n, form in _FORMS.items()]
 
 
-def _fine(value: float) -> str:
-    return f"{value:.3f}"
-
-
-def _change(values: np.ndarray, form: Callable[[float], str]) -> str:
+def _change(values: np.ndarray, form: Form) -> str:
     """Write the mean over seeds before and after, and the range of the latter."""
     if not values.size or not np.isfinite(values).any():
         return "–"
-    last = values[:, -1]
-    text = f"{form(values[:, 0].mean())} → {form(last.mean())}"
-    spread = f" ({form(last.min())} to {form(last.max())})" if len(values) > 1 else ""
-    return text + spread
+    return f"{form(values[:, 0].mean())} → {over_seeds(values[:, -1], form)}"
