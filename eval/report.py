@@ -14,7 +14,7 @@ from eval.page.figures import Marks, Series, Strip, panel, strips
 from eval.page.html import STARTS, render
 from eval.results import Comparison, Layer, greatest_return
 from eval.statistics import coverage_ceiling
-from eval.wording import METRIC, capital, count, crossing, form_of, interval, number, percent, steps
+from eval.wording import METRIC, capital, count, form_of, number, percent, steps
 from train.episodes import METRICS, Metric
 
 _SHOWN = (
@@ -36,9 +36,10 @@ def page(c: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str
         script="" if clips is None else STARTS,
         c=c,
         headline=headline(c),
-        lede=lede(c),
-        caution=caution(c),
+        most=greatest_return(c.env_id, c.env_args),
         seeds=sorted({layer.seeds for layer in c.layers}),
+        ceiling=coverage_ceiling,
+        splits=lambda seeds: math.comb(2 * seeds, seeds),
         colours=colours,
         curves=_curves(c, colours),
         clips=clips,
@@ -140,50 +141,3 @@ def _numbers(c: Comparison, layers: Sequence[Layer]) -> str:
         most = ", where they differ most" if len(layers) > 1 and len(c.sweep) > 1 else ""
         parts.append(f"{up} stay up under pushes of {number(c.sweep[at])} N{most}")
     return "; ".join(parts)
-
-
-def lede(c: Comparison) -> list[str]:
-    """Sentences that give the numbers behind the headline."""
-    level = percent(c.settings.confidence)
-    several = any(layer.seeds > 1 for layer in c.layers)
-    known = f", interquartile mean over seeds with its {level} interval" if several else ""
-    finals = "; ".join(f"{x.name} {interval(x.metrics['returned'])}" for x in c.layers)
-    most = greatest_return(c.env_id, c.env_args)
-    limit = f", of at most {number(most)}" if math.isfinite(most) else ""
-    sentences = [f"Return at the end{limit}{known}: {finals}."]
-    if c.pairs:
-        pair, pairings = c.pairs[0], c.layers[0].seeds * c.layers[1].seeds
-        sentences.append(
-            f"{capital(pair.better)} wins {number(pair.probability.value * pairings)} of "
-            f"{pairings} pairings of its runs with those of {pair.other} (permutation test: "
-            f"p = {number(pair.p_value, 2)})."
-        )
-    if c.threshold is not None:
-        timed = [layer for layer in c.layers if layer.steps_to is not None]
-        times = "; ".join(f"{layer.name} {crossing(layer.steps_to, steps)}" for layer in timed)
-        sentences.append(f"Training steps to a return of {number(c.threshold)}: {times}.")
-    gains = (
-        f"{x.name} {number(x.zero_action['returned'])} → {number(x.metrics['returned'].value)}"
-        for x in c.layers
-    )
-    return [*sentences, f"Return of the zero action → after training: {'; '.join(gains)}."]
-
-
-def caution(c: Comparison) -> str:
-    """Say what so few seeds cannot say; nothing from five seeds a layer on."""
-    fewest = min(layer.seeds for layer in c.layers)
-    more = "Train at least five seeds a layer before believing a difference."
-    if fewest >= 5:
-        return ""
-    if fewest < 2:
-        return (
-            "One seed is one draw. It shows that this can happen, not how often, so there are no "
-            f"intervals here. {more}"
-        )
-    return (
-        f"With {count(fewest, 'seed')} a layer, an interval called "
-        f"{percent(c.settings.confidence)} is no more than the range from the worst to the best "
-        f"seed, and holds the true median at most {percent(coverage_ceiling(fewest))} of the time. "
-        "Two identical layers would come out fully separated, every seed of one above every seed "
-        f"of the other, in {percent(2 / math.comb(2 * fewest, fewest))} of such comparisons. {more}"
-    )
