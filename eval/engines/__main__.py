@@ -12,12 +12,13 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from eval.engines.trial import Outcomes, in_bullet, in_mujoco
-from eval.rollout import Player
+from eval.engines.trial import Outcomes, in_bullet
+from eval.rollout import Player, play_player
 from fbid_gym.options import Number, Whole
 from fbid_gym.policy import shipped
 from fbid_gym.policy.policy_file import PREFIX
 from train.command import run_command
+from train.episodes import Episodes
 from train.runs.files import check_output, write
 from train.runs.reading import load
 from train.runs.tables import to_csv
@@ -59,7 +60,7 @@ def run(config: EnginesConfig) -> None:
         found = load(Path(PREFIX + name if name in known else name))
         for trained in (True, False) if config.zero_action else (True,):
             player = Player.of(found, trained=trained, episode_seconds=config.seconds)
-            ours = in_mujoco(player, config.episodes, config.seed)
+            ours = play_player(player, config.episodes, config.seed, config.episodes)
             theirs = in_bullet(
                 player, config.episodes, config.seed, config.physics_hz, armature=config.armature
             )
@@ -75,7 +76,7 @@ def run(config: EnginesConfig) -> None:
         write(config.out, to_csv([*rows[0]], rows))
 
 
-def _row(name: str, trained: bool, ours: Outcomes, theirs: Outcomes) -> dict[str, object]:
+def _row(name: str, trained: bool, ours: Episodes, theirs: Outcomes) -> dict[str, object]:
     row: dict[str, object] = {
         "policy": name,
         "actions": "policy" if trained else "zero action",

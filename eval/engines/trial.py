@@ -1,4 +1,4 @@
-"""Episodes of a player in MuJoCo, and the same episodes in Bullet."""
+"""The episodes that a player has in MuJoCo, in Bullet."""
 
 from typing import NamedTuple
 
@@ -6,30 +6,24 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from eval.engines.bullet import BulletWorld
-from eval.rollout import Player, play_player
+from eval.rollout import Player
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.runtime import Controller
 
 
 class Outcomes(NamedTuple):
-    """What E episodes came to."""
+    """What E episodes came to, as columns of `Episodes`."""
 
     seconds: np.ndarray  # (E,) s, until the robot fell or the time was over
     survived: np.ndarray  # (E,) bool
     velocity_error: np.ndarray  # (E,) m/s, mean over the policy steps
 
 
-def in_mujoco(player: Player, episodes: int, seed: int) -> Outcomes:
-    """Play episodes of the environment, the first from `seed`."""
-    found = play_player(player, episodes, seed, episodes)
-    return Outcomes(found.seconds, found.survived == 1.0, found.velocity_error)
-
-
 def in_bullet(
     player: Player, episodes: int, seed: int, hz: int, *, armature: bool = True
 ) -> Outcomes:
-    """Play the same episodes in Bullet: start, commands and pushes are the environment's.
+    """Play episodes in Bullet; their starts, commands and pushes are those of `play_player`.
 
     Bullet takes `hz` physics steps per second, a multiple of the control rate.
 
