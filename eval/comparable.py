@@ -1,4 +1,4 @@
-"""Whether runs may be compared at all, and what differs between them though it should not."""
+"""Whether runs may be compared or measured, and what differs between them though it should not."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -66,6 +66,20 @@ def changed(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> lis
     """Say how what is played differs from what was trained in a folder, or with a policy's file."""
     found = another(path, env_args, robot), changed_meaning(path)
     return [warning for warning in found if warning is not None]
+
+
+def check_unseen(first: int, episodes: int, config: Mapping[str, Any], folder: Path) -> None:
+    """Raise RunError where a training was evaluated from seeds that are to be measured from.
+
+    The measurement begins with seed `first`, and each episode has the next one.
+    """
+    own = config.get("eval", {})
+    begin, number = own.get("seed", 0), own.get("episodes", 0) if own.get("every") else 0
+    if first < begin + number and begin < first + episodes:
+        raise RunError(
+            f"{folder}: was evaluated from seeds {begin} to {begin + number - 1}. Expected none of "
+            f"those from which it is to be measured, {first} to {first + episodes - 1}."
+        )
 
 
 def _training_warnings(runs: Sequence[Run]) -> list[str]:

@@ -216,7 +216,8 @@ def page(
     return render(
         "layers.html",
         title="Action layers without a policy",
-        headline=headline(best, found, own),
+        own=own,
+        found=found,
         first=rows[0],
         chart=chart,
         standings=summary(best, found),
@@ -226,13 +227,6 @@ def page(
         samples=_SAMPLES,
         command=shlex.join(command),
     )
-
-
-def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
-    """Say where the layers of the files stand beside the best of the package."""
-    beside = f"{best} {number(found[best].score.value)}"
-    said = [f"{name} scores {number(found[name].score.value)}" for name in own]
-    return f"{', '.join(said)}; {beside}" if own else f"The best layer is {beside}"
 
 
 main = partial(run_command, "eval.layers", LayersConfig, run, about=__doc__, told=True)

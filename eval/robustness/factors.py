@@ -129,10 +129,6 @@ def _uneven(kind: str) -> Callable[[float, EnvConfig], Changes]:
     return changes
 
 
-def _steepest(config: EnvConfig) -> float:
-    return float(np.degrees(np.arctan(hardest("slopes", config.load_robot())))) + 1e-9
-
-
 def _stays(config: EnvConfig) -> str:
     walks = config.make_task(config.load_robot()).kind.gait
     return "" if walks else f"task {config.task!r} does not leave level ground"
@@ -251,7 +247,7 @@ FACTORS = (
         _uneven("slopes"),
         "Hills of four even sides; episodes begin on their level tops.",
         nominal=0.0,
-        most=_steepest,
+        most=lambda c: float(np.degrees(np.arctan(hardest("slopes", c.load_robot())))) + 1e-9,
         missing=_stays,
     ),
     Factor(

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from eval.comparable import check_unseen
 from eval.rollout import Player, play_player
 from eval.study.cells import policy_digest
-from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
 from train.evaluation import summary
 from train.progress import Tell

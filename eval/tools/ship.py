@@ -17,9 +17,9 @@ import numpy as np
 import tyro
 from scipy import stats
 
+from eval.comparable import check_unseen
 from eval.rollout import Player, play_player
 from eval.statistics import Chance
-from eval.unseen import check_unseen
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
