@@ -12,14 +12,12 @@ Nothing is sent anywhere.
 """
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
 import fbid_gym
 from eval.export.onnx_model import INPUT, OUTPUT, metadata_of, to_onnx
-from eval.page.docs import markdown_table
 from eval.page.html import render
 from fbid_gym.checks import check_choices
 from fbid_gym.environments import ENVIRONMENTS
@@ -49,8 +47,7 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
         "README.md": render(
             "hub/README.md.jinja",
             **{"name": name, "policy": policy, "controller": controller, "robot": robot},
-            **{"own": own, "INPUT": INPUT, "OUTPUT": OUTPUT, "card": policy.card},
-            table=markdown_table(("", "mean", "interval", "unit"), _metrics(policy)),
+            **{"card": policy.card, "own": own, "INPUT": INPUT, "OUTPUT": OUTPUT},
         ),
         "env.py": render(
             "hub/env.py.jinja",
@@ -77,9 +74,3 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
         robot.save(folder / "robot.zip")
         files.append("robot.zip")
     return [folder / file for file in files]
-
-
-def _metrics(policy: Policy) -> Iterator[tuple[str, ...]]:
-    """Yield what the card of a policy says of each metric: its name, mean, interval and unit."""
-    for metric, x in policy.card.metrics.items() if policy.card else ():
-        yield metric, f"{x.mean:.4g}", f"{x.low:.4g} to {x.high:.4g}", x.unit
