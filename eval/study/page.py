@@ -21,7 +21,6 @@ from eval.study.pace import Pace
 from eval.study.results import (
     CURVES,
     ERROR,
-    FALLS,
     JUDGED,
     MEASURES,
     RETURN,
@@ -30,8 +29,7 @@ from eval.study.results import (
     Measure,
     Versus,
 )
-from eval.wording import Form, capital, form_of, interval, number, percent, span, steps
-from train.runs.study import environment_name
+from eval.wording import Form, capital, number, percent, span, steps
 
 Clips = Mapping[tuple[str, str], Shown]  # environment and arm -> its clip
 
@@ -56,7 +54,6 @@ def page(
         script=STARTS if clips else "",
         found=found,
         cells=cells,
-        lede=lede(found),
         colours=colours,
         environments=[
             _environment(found, env_id, arms, clips, robustness.get(env_id), colours)
@@ -93,6 +90,7 @@ def _environment(
     return {
         "id": env_id,
         "arms": arms,
+        "ranked": _ranked(arms),
         "measured": measured,
         "curves": _curves(measured, colours),
         "known": known,
@@ -207,40 +205,9 @@ def _reached(one: Crossing, form: Form, arm: ArmFound) -> tuple[str, ...]:
     return form(median.value), span(median, lambda x: form(x) if math.isfinite(x) else "never"), few
 
 
-def lede(found: Findings) -> list[str]:
-    """Say how much is done, and what each environment came to, of arms of which something is."""
-    states = [cell.state for arm in found.arms for cell in arm.cells]
-    done, failed = states.count("done"), states.count("failed")
-    sentences = [f"All {done} trainings have finished."]
-    if done < len(states):
-        rest = f"; {failed} failed" if failed else ""
-        sentences = [f"{done} of {len(states)} trainings have finished{rest}."]
-    for env_id, arms in found.environments().items():
-        sentences += _came_to(environment_name(env_id), arms, found.reference)
-    return sentences
-
-
-def _came_to(name: str, arms: Sequence[ArmFound], reference: str) -> list[str]:
+def _ranked(arms: Sequence[ArmFound]) -> tuple[Measure, list[ArmFound]]:
+    """Return what arms are ranked by, and those at their end, best first; none if none learnt."""
     measure = ERROR if any(arm.done and arm.has(ERROR) for arm in arms) else RETURN
     known = [arm for arm in arms if arm.ready and arm.has(measure)]
-    if not any(arm.done for arm in known):
-        return []
     order = sorted(known, key=lambda arm: -measure.better * arm.final[measure.name].value)
-    parts = [f"{arm.name} {_value(arm, measure)}" for arm in order]
-    unit = f" in {measure.unit}" if measure.unit else ""
-    said = [f"{name}, {measure.label}{unit} at the end: {'; '.join(parts)}."]
-    versus = order[0].versus.get(measure.name)
-    if versus is not None:
-        better = f"A run of {order[0].name} does better than one of {reference} with probability"
-        said.append(f"{better} {interval(versus.probability, '{:.2f}'.format)}.")
-    return [" ".join(said)]
-
-
-def _value(arm: ArmFound, measure: Measure) -> str:
-    """Write a measure, and the falls: of fresh episodes where they were played, they are more."""
-    said = interval(arm.final[measure.name], form_of(measure))
-    if arm.fresh is not None:
-        return f"{said}, fell in {arm.fresh.falls} fresh episodes"
-    falls = arm.final.get(FALLS.name)
-    fallen = f", falling in {percent(falls.value)}" if falls and falls.value >= 0.005 else ""
-    return said + fallen
+    return measure, order if any(arm.done for arm in known) else []

@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import tyro
 
 from eval import compare, demo, layers, rollout
 from eval.papers.__main__ import main as papers
@@ -17,6 +16,7 @@ from eval.zero_actions.__main__ import main as zero_actions
 from fbid_gym.exit_status import exit_status
 from tests.eval.conftest import ENV_ID, make_policy, zero_policy
 from train import ppo, sweep
+from train.command import run_command
 from train.runs.command_line import parse
 
 WALK, BALANCE = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedBalance-v0"
@@ -29,7 +29,7 @@ STUDY = f'[[arms]]\nname = "one"\nenv = "{WALK}"\naction_layer = "torque"\n'
 
 def command(config, work):
     """The command line of a module that reads it where it is started."""
-    return lambda arguments: exit_status(lambda: work(tyro.cli(config, args=arguments)))
+    return lambda arguments: run_command("here", config, work, arguments)
 
 
 def train(arguments):
