@@ -22,6 +22,16 @@ def posed(
     return data
 
 
+def fallen(model: mujoco.MjModel, robot: Robot, ctrl: np.ndarray, steps: int) -> np.ndarray:
+    """(steps, nq + nv + sensors): a model of a robot falls from its home, its motors pulling."""
+    data, path = mujoco.MjData(model), []
+    data.qpos[:], data.ctrl[:] = robot.home_qpos, ctrl
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        path.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
+    return np.array(path)
+
+
 def sensed(qpos: np.ndarray, qvel: np.ndarray, force: np.ndarray) -> dict[str, np.ndarray]:
     """What perfect sensors read of one robot; `force` is that of its contact points (P, 3)."""
     place = {"position": qpos[:3], "orientation": qpos[3:7], "joint_position": qpos[7:]}

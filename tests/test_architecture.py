@@ -302,9 +302,10 @@ def test_imports_make_no_circles():
     assert import_circles(ROOT) == []
 
 
-def test_reading_runs_loads_no_torch():
-    """Neither by what `train.runs` imports nor by what that imports."""
-    names = [name for name in modules(ROOT) if unit_of(name) == "train.runs"]
+@pytest.mark.parametrize("unit", ["fbid_gym", "train.runs"])
+def test_neither_the_package_nor_reading_runs_loads_a_learner(unit):
+    """Neither by what they import nor by what that imports."""
+    names = [name for name in modules(ROOT) if unit_of(name) == unit]
     heavy = {"torch", "stable_baselines3"}
     script = f"import sys, {', '.join(names)}; print({heavy} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)

@@ -6,6 +6,7 @@ from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.terrain import make_terrain, world_of
 from fbid_gym.robots.undrawn import undrawn
+from tests.postures import fallen
 
 _WORLD = """
 <mujoco>
@@ -82,15 +83,8 @@ def test_robots_on_a_plane_move_as_where_contacts_are_searched(name: str) -> Non
     robot = undrawn(load(name))
     models = robot.spec.copy().compile(), compile_paired(robot.spec.copy())
     assert models[1].npair > robot.num_feet
-    paths = []
-    for model in models:
-        data, path = mujoco.MjData(model), []
-        data.qpos[:] = robot.home_qpos
-        data.ctrl[:] = 0.2 * np.sign(np.arange(model.nu) % 3 - 0.5)
-        for _ in range(600):  # it falls, and lies
-            mujoco.mj_step(model, data)
-            path.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
-        paths.append(np.array(path))
+    pull = 0.2 * np.sign(np.arange(robot.model.nu) % 3 - 0.5)
+    paths = [fallen(model, robot, pull, 600) for model in models]  # until it lies
     assert np.abs(paths[0][-1] - paths[0][0]).max() > 0.1
     np.testing.assert_array_equal(paths[1], paths[0])
 

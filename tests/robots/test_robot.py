@@ -10,29 +10,11 @@ from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.built_in import GO1, asset_path
 from tests.dynamics.models import GYMNASIUM, robot_called
 from tests.postures import points, posed
+from tests.robots.test_touching import BOX, FOOT, settled
 
-BOX_FOOT = """
-<mujoco>
-  <option timestep="0.001"/>
-  <worldbody>
-    <geom type="plane" size="1 1 0.1" solref="0.005 1"/>
-    <body name="trunk" pos="0 0 0.5">
-      <freejoint/>
-      <geom type="box" size="0.1 0.1 0.1" mass="2"/>
-      <body name="foot" pos="0.02 0 -0.3">
-        <joint name="slide" type="slide" axis="0 0 1" range="-0.1 0.1" armature="0.01"/>
-        <geom type="box" size="0.1 0.06 0.02" mass="1"/>
-        <site name="a" pos="0.1 0.06 -0.02"/>
-        <site name="b" pos="0.1 -0.06 -0.02"/>
-        <site name="c" pos="-0.1 0.06 -0.02"/>
-        <site name="d" pos="-0.1 -0.06 -0.02"/>
-        <site name="middle" pos="0 0 -0.02"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="slide" ctrlrange="-60 60"/></actuator>
-</mujoco>
-"""
+CORNERS = {"a": (1, 1), "b": (1, -1), "c": (-1, 1), "d": (-1, -1), "middle": (0, 0)}
+SITES = [f'<site name="{k}" pos="{0.1 * x} {0.06 * y} -0.02"/>' for k, (x, y) in CORNERS.items()]
+BOX_FOOT = FOOT.format(vertices="0 0 0 1 0 0 0 1 0 0 0 1", shape="".join([BOX, *SITES]))
 
 
 # Of an arm and a leg, of those who are built like people.
@@ -341,11 +323,7 @@ def test_robots_of_gymnasium() -> None:
 def test_sites_on_a_box_foot(names: list[str]) -> None:
     """The named sites carry the whole foot between them, and corners each their own."""
     robot = Robot.from_mjcf(BOX_FOOT, {"foot": names})
-    data = posed(robot)
-    for _ in range(1000):
-        data.ctrl[0] = -2 * 9.81 - 400 * data.qpos[7] - 20 * data.qvel[6]
-        mujoco.mj_step(robot.model, data)
-    mujoco.mj_forward(robot.model, data)
+    data = settled(robot, 1000)
     forces = data.sensordata[robot.contact_sensor]
     total = ground_forces(robot, data)[robot.model.geom_bodyid == robot.feet[0].body].sum(axis=0)
     assert np.all(forces[:, 2] > 0)

@@ -9,35 +9,17 @@ import pytest
 
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
+from tests.robots.test_robot_errors import KNEE, ROOT, change
+from tests.robots.test_robot_errors import MOTOR as HIP
 
-LEG = """
-<mujoco>
-  <compiler angle="radian" autolimits="true"/>
-  <option gravity="0 0 0"/>
-  <default>
-    <joint {default}/>
-    <default class="strong"><position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/></default>
-  </default>
-  <worldbody>
-    <body name="trunk" pos="0 0 1">
-      {root}
-      <geom type="box" size="0.1 0.1 0.1" mass="2"/>
-      <body name="thigh" pos="0 0 -0.2">
-        <joint name="hip" axis="0 1 0" range="-1 1" {hip}/>
-        <geom type="capsule" size="0.02 0.05" mass="1"/>
-        <body name="shank" pos="0 0 -0.2">
-          <joint name="knee" axis="0 1 0" range="-1 1" {knee}/>
-          <geom name="toe" size="0.03" mass="0.5" pos="0 0 -0.2"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>{actuators}</actuator>
-  {keyframe}
-</mujoco>
-"""
-
-HIP = '<motor name="hip" joint="hip" ctrlrange="-5 5"/>'
+DEFAULTS = """<default><joint {default}/>
+  <default class="strong"><position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/></default>
+</default>"""
+LEG = change(
+    *('angle="radian"/>', f'angle="radian" autolimits="true"/><option gravity="0 0 0"/>{DEFAULTS}'),
+    *(ROOT, "{root}", 'name="hip" axis', 'name="hip" {hip} axis', 'name="knee" axis'),
+    *('name="knee" {knee} axis', HIP, "{actuators}", KNEE, "", "</mujoco>", "{keyframe}</mujoco>"),
+)
 # Of the knee; all but two of them have a torque limit of 8 N·m.
 SERVOS = {
     "position": 'position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"',

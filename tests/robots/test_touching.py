@@ -67,10 +67,9 @@ def build(shape: str, rng: np.random.Generator, feet: Any = ("foot",), **options
     return Robot.from_mjcf(FOOT.format(vertices=sole(rng), shape=SHAPES[shape][0]), feet, **options)
 
 
-def settled(robot: Robot) -> mujoco.MjData:
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    for _ in range(100):
+def settled(robot: Robot, steps: int = 100) -> mujoco.MjData:
+    data = posed(robot)
+    for _ in range(steps):
         data.ctrl[0] = -2 * 9.81 - 4000 * data.qpos[7] - 100 * data.qvel[6]
         mujoco.mj_step(robot.model, data)
     mujoco.mj_forward(robot.model, data)

@@ -1,9 +1,9 @@
-import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.undrawn import undrawn
+from tests.postures import fallen
 
 _INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 _HEAVY = """
@@ -25,18 +25,6 @@ _HEAVY = """
 """
 
 
-def _motion(model, robot, steps=100):
-    """Fall from the home pose, on its feet by then, with motors that pull."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = robot.home_qpos
-    data.ctrl[:] = 0.1 * np.sign(np.arange(model.nu) % 2 - 0.5)
-    found = []
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-        found.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
-    return np.array(found)
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_robot_moves_the_same_without_what_is_drawn(name):
     robot = load(name)
@@ -44,7 +32,8 @@ def test_a_robot_moves_the_same_without_what_is_drawn(name):
     assert lean.model.ngeom <= robot.model.ngeom
     drawn = (lean.model.geom_contype == 0) & (lean.model.geom_conaffinity == 0)
     assert not drawn.any()
-    whole, part = _motion(robot.model, robot), _motion(lean.model, robot)
+    pull = 0.1 * np.sign(np.arange(robot.model.nu) % 2 - 0.5)
+    whole, part = (fallen(each.model, robot, pull, 100) for each in (robot, lean))
     assert np.abs(whole).max() > 1.0  # it does something
     np.testing.assert_allclose(part, whole, rtol=0, atol=1e-9)
 

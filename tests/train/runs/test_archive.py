@@ -22,25 +22,19 @@ from train.runs.reading import load
 from train.runs.training import is_finished, standing
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A finished training."""
-    return main(stand_in.config(tmp_path_factory.mktemp("runs") / "a", seed=5), stand_in.make)
-
-
 @pytest.fixture
-def folder(trained, tmp_path):
-    """A copy of it, in a folder of runs."""
-    return Path(shutil.copytree(trained, tmp_path / "walk.v2" / "a"))
+def folder(straight, tmp_path):
+    """A copy of a finished training, in a folder of runs."""
+    return Path(shutil.copytree(straight, tmp_path / "walk.v2" / "a"))
 
 
 def test_a_packed_run_is_read_as_its_folder_is(folder, capsys):
-    config = stand_in.config(folder, seed=5)
+    config = stand_in.config(folder)
     before, stands = load(folder), standing(config)
     pack.main(PackConfig(folder.parent, remove=True))
     assert not folder.exists() and "1 runs in" in capsys.readouterr().out
     after = load(folder)
-    assert (after.path, after.seed, after.config) == (folder, 5, before.config)
+    assert (after.path, after.seed, after.config) == (folder, 3, before.config)
     assert after.versions == before.versions and after.policy.trained_steps == 768
     for one, other in zip(after.policy.weights, before.policy.weights, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -49,13 +43,13 @@ def test_a_packed_run_is_read_as_its_folder_is(folder, capsys):
     assert is_finished(config) and standing(config) == stands
     assert load(folder / "policy.safetensors").policy.trained_steps == 768
     assert RunFolder.of(folder).path == folder
-    assert load(folder.parent.with_suffix(".v2.zip") / "a").seed == 5
+    assert load(folder.parent.with_suffix(".v2.zip") / "a").seed == 3
     assert found(folder.parent / "b") == folder.parent / "b"
 
 
 def test_a_packed_run_is_trained_anew_only_where_that_is_asked_for(folder):
     pack.main(PackConfig(folder.parent, remove=True))
-    config = stand_in.config(folder, seed=5)
+    config = stand_in.config(folder)
     with pytest.raises(RunError, match=r"is packed in .*walk\.v2\.zip. Choose another --out"):
         main(config, stand_in.make)
     assert not folder.exists()
@@ -86,8 +80,8 @@ def test_an_archive_depends_on_what_the_runs_hold_and_keeps_those_it_held(folder
     assert first == as_archive({"a": held["a"]})
 
 
-def test_what_an_archive_calls_its_files_decides_about_no_place(trained, tmp_path):
-    inside = {name: (trained / name).read_bytes() for name in KEPT if (trained / name).is_file()}
+def test_what_an_archive_calls_its_files_decides_about_no_place(straight, tmp_path):
+    inside = {name: (straight / name).read_bytes() for name in KEPT if (straight / name).is_file()}
     with zipfile.ZipFile(tmp_path / "runs.zip", "w") as file:
         for name in ("../evil.txt", "/evil.txt", "a/../../evil.txt", "a/policy/evil.pkl", "a/x/"):
             file.writestr(name, "evil")
@@ -96,11 +90,11 @@ def test_what_an_archive_calls_its_files_decides_about_no_place(trained, tmp_pat
             file.writestr(f"../{name}", data)
     place = found(tmp_path / "runs" / "a")
     files = {str(file.relative_to(place)) for file in place.rglob("*") if file.is_file()}
-    assert files == inside.keys() and load(tmp_path / "runs" / "a").seed == 5
+    assert files == inside.keys() and load(tmp_path / "runs" / "a").seed == 3
     assert not list(tmp_path.rglob("evil*")) and not list(place.parents[1].rglob("evil*"))
 
 
-def test_too_large_and_strangely_packed_archives_are_refused(trained, tmp_path, monkeypatch):
+def test_too_large_and_strangely_packed_archives_are_refused(tmp_path, monkeypatch):
     path, run = tmp_path / "runs.zip", tmp_path / "runs" / "a"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_BZIP2) as file:
         file.writestr("a/config.json", "{}")
