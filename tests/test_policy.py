@@ -161,13 +161,6 @@ def test_nothing_to_load(tmp_path):
         Policy.load(tmp_path / "config.json")
 
 
-def test_what_json_would_hold_as_something_else_is_refused(tmp_path):
-    args = {"layer_options": {"swing_frequency": Falling(2.0)}}
-    with pytest.raises(InvalidValueError, match=r"env_args.layer_options.swing_frequency"):
-        make_policy(env_args=args).save(tmp_path / "policy")
-    assert not (tmp_path / "policy").exists()
-
-
 def forged(file, tensors, **changes):
     """Write a policy with other entries and arrays, and a digest that fits them."""
     make_policy().save(file)
@@ -207,9 +200,16 @@ def test_what_is_no_policy_gives_one_clear_error(tmp_path, forgery):
     assert "\n" not in str(caught.value)
 
 
-def test_what_json_cannot_hold_is_refused_and_the_old_file_kept(tmp_path):
+def test_what_json_cannot_hold_as_it_is_is_refused_and_the_old_file_kept(tmp_path):
     policy, file = make_policy(), tmp_path / "p.safetensors"
-    policy.save(file)
-    with pytest.raises(FbidError, match=r"p\.safetensors.*values JSON can hold"):
-        dataclasses.replace(policy, env_args={"x": object()}).save(file)
+    options = {"layer_options": {"swing_frequency": Falling(2.0)}}
+    for kept in (False, True):
+        for args, error, words in (
+            ({"x": object()}, FbidError, r"p\.safetensors.*values JSON can hold"),
+            (options, InvalidValueError, r"env_args.layer_options.swing_frequency"),
+        ):
+            with pytest.raises(error, match=words):
+                dataclasses.replace(policy, env_args=args).save(file)
+            assert file.exists() == kept
+        policy.save(file)
     assert Policy.load(file).env_args == policy.env_args

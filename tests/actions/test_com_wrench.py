@@ -18,7 +18,7 @@ from fbid_gym.control import (
 )
 from fbid_gym.control.balance import desired_wrench
 from fbid_gym.dynamics import centroidal_terms
-from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
@@ -92,14 +92,8 @@ def test_the_scale_is_what_the_stance_allows(robot):
 
 
 @every_balancer
-def test_home_is_held_and_quaternions_may_have_any_length(robot, states, balancer, rng):
-    layer = balancing(robot, balancer)
-    state, rest = at_rest(robot)
-    torque = torque_of(layer, state, home_of(robot, rest), rest)[0]
-    jacobian = point_jacobian(contact_geometry(robot), rest)[0][0]
-    left = rest.bias[0] - np.concatenate([np.zeros(6), torque])
-    forces = np.linalg.lstsq(jacobian.T, left, rcond=1e-9)[0]
-    np.testing.assert_allclose(jacobian.T @ forces, left, atol=2e-4 * robot.weight)
+def test_quaternions_may_have_any_length(robot, states, balancer, rng):
+    layer, (_, rest) = balancing(robot, balancer), at_rest(robot)
     state, terms = states(4)
     target = moving(robot, terms, rng)
     expected = torque_of(layer, state, target, terms)

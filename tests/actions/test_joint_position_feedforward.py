@@ -17,6 +17,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 from fbid_gym.runtime.rates import Rates
 from tests.actions.cases import home_of, layer_of, moving, without_self_motion
+from tests.control.systems import equation_15
 from tests.postures import posed, turned
 
 NAME = "joint_position_feedforward"
@@ -37,13 +38,6 @@ def standing(layer, state, robot):
     for row, matrix in enumerate(jacobian):
         qvel[row] -= np.linalg.pinv(matrix, rcond=1e-9) @ matrix @ qvel[row]
     return state._replace(qvel=qvel), MuJoCoDynamics(robot).terms(state.qpos, qvel)
-
-
-def inverse_dynamics(jacobian, terms, row, acceleration):
-    """[M10] eq. (15) with the projector onto the null space of J for S_u Q^T."""
-    free = np.eye(len(acceleration)) - np.linalg.pinv(jacobian, rcond=1e-9) @ jacobian
-    force = terms.mass_matrix[row] @ acceleration + terms.bias[row]
-    return np.linalg.pinv(free[:, 6:], rcond=1e-9) @ free @ force
 
 
 def com_jacobian(robot, qpos):
@@ -109,7 +103,7 @@ def test_the_torque_is_equation_18(robot, states, rng, balance):
                 stack = np.vstack([rows, without_self_motion(com[:2], robot, terms, row)])
                 asked = np.append(np.zeros(len(rows)), (wanted - com_bias)[:2] - com[:2] @ motion)
                 motion += np.linalg.pinv(stack / weight, rcond=1e-9) @ asked / weight
-            expected = inverse_dynamics(rows, terms, row, motion)
+            expected, _ = equation_15(terms.mass_matrix[row], terms.bias[row], rows, motion)
             expected += robot.joint_damping * state.qvel[row, 6:]
             error = target.qpos[row, 7:] + offset[0, row] - state.qpos[row, 7:]
             rate = target.qvel[row, 6:] + offset[1, row] - state.qvel[row, 6:]
@@ -153,7 +147,8 @@ def test_on_the_motion_it_is_equation_15_alone():
     for one in (layer, bare):
         found = one.torque(still, state, target, lambda: terms, one.memory(4))
         for row in range(4):
-            expected = inverse_dynamics(jacobian[row], terms, row, qacc[row])
+            own = terms.mass_matrix[row], terms.bias[row], jacobian[row], qacc[row]
+            expected, _ = equation_15(*own)
             expected += robot.joint_damping * state.qvel[row, 6:]
             np.testing.assert_allclose(found[row], expected, atol=1e-6 * robot.weight)
 

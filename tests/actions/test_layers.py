@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS
+from fbid_gym.actions.com_wrench import BALANCERS
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions import in_world
 from fbid_gym.robots import ROBOTS
-from tests.actions.cases import at_rest, home_of, layer_of, torque_of
+from tests import postures
+from tests.actions.cases import at_rest, home_of, layer_of, planned, torque_of
+from tests.control.systems import equation_15
 from tests.pairs import pairs
 
 OPTIONS = [
@@ -33,8 +38,7 @@ def holding_torque(robot):
     """Least torques of the home stance, from the weight projected off the contacts, [M10] (15)."""
     _, terms = at_rest(robot)
     jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
-    free = np.eye(robot.nv) - np.linalg.pinv(jacobian, rcond=1e-9) @ jacobian
-    return np.linalg.pinv(free[:, 6:], rcond=1e-9) @ free @ terms.bias[0]
+    return equation_15(terms.mass_matrix[0], terms.bias[0], jacobian, np.zeros(robot.nv))[0]
 
 
 @every_layer
@@ -65,12 +69,14 @@ def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, 
     assert np.abs(expected).max() > 1e-3 * robot.weight
 
 
-@pytest.mark.parametrize(
-    ("name", "robot"), pairs([*LAYERS][len(UNLIMITED) :], ROBOTS), indirect=["robot"]
-)
-def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
+LIMITED = [(name, {}) for name in [*LAYERS][len(UNLIMITED) :]]
+LIMITED += [("com_wrench", {"balancer": own}) for own in BALANCERS]
+
+
+@pytest.mark.parametrize(("name", "options", "robot"), pairs(LIMITED, ROBOTS), indirect=["robot"])
+def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name, options):
     """Other torques than the least, because the contact forces are the least: same equilibrium."""
-    layer = layer_of(name, robot)
+    layer = layer_of(name, robot, **options)
     state, terms = at_rest(robot)
     torque = torque_of(layer, state, home_of(robot, terms), terms)[0]
     jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
@@ -151,3 +157,37 @@ def test_joint_position_does_not_oscillate_in_the_air(robot):
         here = [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp]
         step = np.block([here, [-tick * stiff, one - tick * damp]])
         assert np.abs(np.linalg.eigvals(step)).max() < 1.0, control_hz
+
+
+FOLLOWING = [
+    ("joint_position", {}),
+    ("joint_position_feedforward", {}),
+    ("joint_acceleration", {"contact_limits": "none"}),
+    ("base_acceleration", {}),
+    ("base_acceleration", {"contact_limits": "none"}),
+    ("com_wrench", {}),
+    ("com_wrench", {"balancer": "garofalo2015"}),
+    ("com_wrench", {"balancer": "ott2011", "contact_limits": "none"}),
+]
+
+
+def turned(state, angle):
+    """The same robots elsewhere, turned about the vertical by `angle`."""
+    qpos, rotation = postures.turned(state.qpos, angle, np.array([3.0, -2.0, 0.0]))
+    qvel = state.qvel.copy()
+    qvel[:, :3] = qvel[:, :3] @ rotation.T
+    return state._replace(qpos=qpos, qvel=qvel)
+
+
+@pytest.mark.parametrize(("name", "options", "robot"), pairs(FOLLOWING, ROBOTS), indirect=["robot"])
+def test_which_way_a_robot_faces_does_not_matter(robot, states, name, options, rng):
+    layer = layer_of(name, robot, **options)
+    state, terms = states(6)
+    action, motion = rng.uniform(-1, 1, (6, len(layer.action_names))), planned(robot, 6, rng)
+    heading = Stance.of(robot).heading
+    here = torque_of(layer, state, in_world(heading, motion, terms), terms, action)
+    for angle in (0.7, 2.9, -1.8):
+        elsewhere = turned(state, angle)
+        known = MuJoCoDynamics(robot).terms(elsewhere.qpos, elsewhere.qvel)
+        there = torque_of(layer, elsewhere, in_world(heading, motion, known), known, action)
+        np.testing.assert_allclose(there, here, atol=1e-6 * robot.weight)

@@ -69,16 +69,35 @@ def contact_forces(
 def solved_by_clarabel(
     maps: np.ndarray,
     target: np.ndarray,
-    rows: np.ndarray,
-    bounds: np.ndarray,
-    cones: Sequence[Any],
+    limits: np.ndarray,
+    scale: float,
     *,
+    torque: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     tolerance: float = 1e-12,
 ) -> np.ndarray | None:
-    """The x that minimises |maps x - target|^2 + regularisation |x|^2, bounds - rows x in cones.
+    """Forces f (3 P,) that minimise |maps f - target|^2 + regularisation |f|^2 within limits, in N.
 
-    None where there is no such x.
+    None where there are none. The squares are of f in units of `scale` N.
+
+    Args:
+        maps: (m, 3 P) of forces in `scale` N.
+        target: (m,).
+        limits: (P, 3) friction, least and greatest normal force in N, of each point.
+        scale: N.
+        torque: slope (n, 3 P) m, least and greatest value (n,) N·m of slope f.
+        tolerance: of the solver.
     """
+    rows, bounds, cones = list[np.ndarray](), list[float](), list[Any]()
+    for i, (friction, lowest, highest) in enumerate(limits):
+        along_x, along_y, normal = np.eye(3 * len(limits))[3 * i : 3 * i + 3]
+        capped = int(np.isfinite(highest))
+        rows += [-normal, *[normal] * capped, -friction * normal, -along_x, -along_y]
+        bounds += [-lowest, *[highest] * capped, 0.0, 0.0, 0.0]
+        cones += [clarabel.NonnegativeConeT(1 + capped), clarabel.SecondOrderConeT(3)]
+    if torque is not None:
+        slope, least, most = torque
+        rows, bounds = [*rows, *slope, *-slope], [*bounds, *most, *-least]
+        cones.append(clarabel.NonnegativeConeT(2 * len(slope)))
     size = maps.shape[1]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -86,10 +105,10 @@ def solved_by_clarabel(
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix(np.triu(maps.T @ maps + DEFAULT_ACCURACY.regularisation * np.eye(size))),
         -maps.T @ target,
-        sparse.csc_matrix(rows),
-        bounds,
+        sparse.csc_matrix(np.array(rows)),
+        np.array(bounds) / scale,
         cones,
         settings,
     ).solve()
     solved = str(solution.status) in ("Solved", "AlmostSolved")
-    return np.array(solution.x) if solved else None
+    return scale * np.array(solution.x) if solved else None

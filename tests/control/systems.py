@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.control import orthogonal_inverse_dynamics
+from fbid_gym.dynamics.frames import skew
 
 
 class System(NamedTuple):
@@ -52,6 +53,32 @@ def forward(
     return np.array(solutions)[:, :nv], np.array(solutions)[:, nv:]
 
 
+def null_space(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span the null space of one matrix."""
+    _, sizes, right = np.linalg.svd(matrix)
+    rank = int((sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)).sum())
+    return right[rank:].T
+
+
+def equation_15(
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    torque_cost: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Torque and contact force of one robot by [M10] eqs. (9)-(17), SVD in place of QR."""
+    select = np.eye(len(bias))[6:]
+    force = mass_matrix @ acceleration + bias
+    unconstrained = null_space(jacobian) if len(jacobian) else np.eye(len(bias))  # S_u Q^T
+    reduced = unconstrained.T @ select.T
+    root = np.ones(len(select)) if torque_cost is None else 1.0 / np.sqrt(torque_cost)
+    # (16): A# = W^-1 A^T (A W^-1 A^T)^-1 = W^-1/2 (A W^-1/2)^+.
+    torque = root * (np.linalg.pinv(reduced * root, rcond=1e-9) @ unconstrained.T @ force)
+    contact_force = np.linalg.pinv(jacobian.T, rcond=1e-9) @ (force - select.T @ torque)
+    return torque, contact_force
+
+
 # name: (points of each foot (N x 3, m, from the foot's origin), rank of J, underactuation)
 _SOLE = np.array([[x, y, -0.05] for x in (-0.08, 0.12) for y in (-0.04, 0.05)])
 _TIP = np.array([[0.0, 0.0, -0.02]])
@@ -67,13 +94,6 @@ CONTACTS = {
     "flight": ((None, None), 0, 6),
 }
 _LEG = 5
-
-
-def skew(vectors: np.ndarray) -> np.ndarray:
-    """Cross product matrices (..., 3, 3) of vectors (..., 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(*vectors.shape[:-1], 3, 3)
 
 
 def _system(

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import clarabel
 import numpy as np
 import pytest
 
@@ -71,27 +70,14 @@ def reference(
     wrench_map: np.ndarray, wrench: np.ndarray, limits: np.ndarray
 ) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
     """Forces (P, 3) of one robot by Clarabel, and the cost it minimises; limits (3, P)."""
-    points = limits.shape[1]
     maps, target = wrench_map * SCALE[:, None], wrench * SCALE / WEIGHT
-    rows, offsets, cones = [], [], []
-    for i, (friction, lowest, highest) in enumerate(limits.T):
-        along_x, along_y, normal = np.eye(3 * points)[3 * i : 3 * i + 3]
-        rows.append(-normal)
-        offsets.append(-lowest / WEIGHT)
-        if np.isfinite(highest):
-            rows.append(normal)
-            offsets.append(highest / WEIGHT)
-        cones.append(clarabel.NonnegativeConeT(1 + int(np.isfinite(highest))))
-        rows += [-friction * normal, -along_x, -along_y]
-        offsets += [0.0, 0.0, 0.0]
-        cones.append(clarabel.SecondOrderConeT(3))
-    found = solved_by_clarabel(maps, target, np.array(rows), np.array(offsets, float), cones)
+    found = solved_by_clarabel(maps, target, limits.T, WEIGHT)
 
     def cost(force: np.ndarray) -> float:
         error = maps @ force.ravel() / WEIGHT - target
         return 0.5 * float(error @ error + REGULARISATION * np.sum((force / WEIGHT) ** 2))
 
-    return found.reshape(points, 3) * WEIGHT, cost
+    return found.reshape(-1, 3), cost
 
 
 def assert_feasible(

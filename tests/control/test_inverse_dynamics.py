@@ -5,33 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from fbid_gym.control import orthogonal_inverse_dynamics
-
-
-def null_space(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal columns that span the null space of one matrix."""
-    _, sizes, right = np.linalg.svd(matrix)
-    rank = int((sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)).sum())
-    return right[rank:].T
-
-
-def paper(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    acceleration: np.ndarray,
-    torque_cost: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Torque and contact force of one robot by [M10] eqs. (9)-(17), SVD in place of QR."""
-    select = np.eye(len(bias))[6:]
-    force = mass_matrix @ acceleration + bias
-    unconstrained = null_space(jacobian) if len(jacobian) else np.eye(len(bias))  # S_u Q^T
-    reduced = unconstrained.T @ select.T
-    root = np.ones(len(select)) if torque_cost is None else 1.0 / np.sqrt(torque_cost)
-    # (16): A# = W^-1 A^T (A W^-1 A^T)^-1 = W^-1/2 (A W^-1/2)^+.
-    torque = root * (np.linalg.pinv(reduced * root, rcond=1e-9) @ unconstrained.T @ force)
-    contact_force = np.linalg.pinv(jacobian.T, rcond=1e-9) @ (force - select.T @ torque)
-    return torque, contact_force
+from fbid_gym.control import orthogonal_inverse_dynamics, underactuation
+from tests.control.systems import equation_15, null_space
 
 
 @pytest.mark.parametrize("base_priority", [1.0, 100.0])
@@ -77,7 +52,7 @@ def test_equals_the_papers_equations(make_system, rng, contacts):
         np.testing.assert_array_equal(solution.rank, system.rank)
         np.testing.assert_array_equal(solution.underactuation, system.underactuation)
         for i, command in enumerate(solution.acceleration):
-            torque, contact_force = paper(*(part[i] for part in system[:3]), command, cost)
+            torque, contact_force = equation_15(*(part[i] for part in system[:3]), command, cost)
             np.testing.assert_allclose(solution.torque[i], torque, atol=1e-7)
             np.testing.assert_allclose(solution.contact_force[i], contact_force, atol=1e-7)
 
@@ -134,3 +109,19 @@ def test_contacts_nearly_in_line_do_not_ask_for_huge_forces(make_system):
     solution = orthogonal_inverse_dynamics(*system.law)
     assert solution.underactuation[0] == 1
     assert np.abs(solution.torque).max() < 1e4
+
+
+def test_counts_the_directions_that_contacts_miss(make_system, contacts):
+    system = make_system(contacts)
+    found = underactuation(system.jacobian)
+    rank = np.linalg.matrix_rank(system.jacobian[:, :, :6], rtol=1e-3)
+    np.testing.assert_array_equal(found, 6 - rank)
+    np.testing.assert_array_equal(found, orthogonal_inverse_dynamics(*system.law).underactuation)
+
+
+def test_a_robot_gone_wrong_reaches_nothing_and_harms_no_other(make_system):
+    jacobian = make_system("two flat feet").jacobian
+    expected = underactuation(jacobian)
+    jacobian[1, 3, 2] = np.nan
+    expected[1] = 6.0
+    np.testing.assert_array_equal(underactuation(jacobian), expected)

@@ -38,26 +38,50 @@ def velocities(
     )
 
 
-@pytest.mark.parametrize(("rows", "with_reference"), [(1, True), (2, False), (4, True)])
-def test_equals_the_stacked_pseudo_inverse(make_system, rng, contacts, rows, with_reference):
+@pytest.mark.parametrize(
+    ("rows", "with_reference", "weighted"),
+    [(1, True, False), (2, False, False), (4, True, False), (3, True, True)],
+)
+def test_equals_the_stacked_pseudo_inverse_and_is_the_nearest_to_the_reference(
+    make_system, rng, contacts, rows, with_reference, weighted
+):
+    """The change from it costs nothing in any direction that stays free."""
     system = make_system(contacts)
     task_jacobian, task_bias, task = task_of(rng, system, rows)
+    cost = np.exp(rng.normal(size=system.bias.shape[1])) if weighted else None
     reference = system.acceleration if with_reference else np.zeros_like(system.acceleration)
-    last = task, (reference if with_reference else None)
+    last, own = (task, (reference if with_reference else None)), EXACT | {"motion_cost": cost}
     given = system.jacobian, system.jacobian_bias, task_jacobian, task_bias, *last
-    found = operational_space_acceleration(*given, **EXACT)
-    kinematics = velocities(system.jacobian, task_jacobian, *last, **EXACT)
+    found = operational_space_acceleration(*given, **own)
+    kinematics = velocities(system.jacobian, task_jacobian, *last, **own)
+    root = np.ones(system.bias.shape[1]) if cost is None else np.sqrt(cost)
     for i, jacobian in enumerate(system.jacobian):
         stacked = np.concatenate([jacobian, task_jacobian[i]])
-        inverse = np.linalg.pinv(stacked, rcond=1e-9)
+        inverse = np.linalg.pinv(stacked / root, rcond=1e-9) / root[:, None]
         still = np.concatenate([np.zeros(len(jacobian)), task[i]])
         drift = np.concatenate([system.jacobian_bias[i], task_bias[i]])
-        expected = reference[i] + inverse @ (still - drift - stacked @ reference[i])
-        np.testing.assert_allclose(found.motion[i], expected, atol=1e-7)
-        expected = reference[i] + inverse @ (still - stacked @ reference[i])
-        np.testing.assert_allclose(kinematics.motion[i], expected, atol=1e-7)
+        free = np.linalg.svd(stacked)[2][np.linalg.matrix_rank(stacked, 1e-8) :]
+        for motion, rest in ((found.motion[i], drift), (kinematics.motion[i], 0.0 * drift)):
+            expected = reference[i] + inverse @ (still - rest - stacked @ reference[i])
+            np.testing.assert_allclose(motion, expected, atol=1e-7)
+            np.testing.assert_allclose(stacked @ motion + rest, still, atol=1e-7)
+            change = root**2 * (motion - reference[i])
+            np.testing.assert_allclose(free @ change, 0.0, atol=1e-6)
     np.testing.assert_allclose(found.task_error, 0.0, atol=1e-8)
     np.testing.assert_allclose(kinematics.task_error, 0.0, atol=1e-8)
+
+
+def test_units_of_the_cost_do_not_matter(make_system, rng, contacts):
+    """Contacts hold in any; gains are in units of its root."""
+    system = make_system(contacts)
+    given = system.jacobian, system.jacobian_bias, *task_of(rng, system, 2)
+    expected = operational_space_acceleration(*given, least_gain=1e-2)
+    for size in (1e-3, 1e3):
+        cost = np.full(system.bias.shape[1], size)
+        own = {"motion_cost": cost, "least_gain": 1e-2 / np.sqrt(size)}
+        found = operational_space_acceleration(*given, **own)
+        np.testing.assert_allclose(found.motion, expected.motion, atol=1e-6)
+        np.testing.assert_allclose(found.task_error, expected.task_error, atol=1e-6)
 
 
 def test_one_task_jacobian_serves_all_robots(make_system):
@@ -72,35 +96,6 @@ def test_one_task_jacobian_serves_all_robots(make_system):
     batched, zeros = np.broadcast_to(rows, (count, 2, nv)), np.zeros((count, 2))
     again = operational_space_acceleration(*arguments, batched, zeros, task, **EXACT)
     np.testing.assert_array_equal(found.motion, again.motion)
-
-
-@pytest.mark.parametrize("weighted", [False, True])
-def test_motion_is_the_nearest_to_the_reference(make_system, rng, contacts, weighted):
-    """The change from it costs nothing in any direction that stays free; units do not matter."""
-    system = make_system(contacts)
-    task_jacobian, task_bias, task = task_of(rng, system, 3)
-    contact = system.jacobian, system.jacobian_bias
-    cost = np.exp(rng.normal(size=system.bias.shape[1])) if weighted else None
-    given = (*contact, task_jacobian, task_bias, task, system.acceleration)
-    found = operational_space_acceleration(*given, motion_cost=cost, **EXACT)
-    change = (found.motion - system.acceleration) * (1.0 if cost is None else cost)
-    for i, jacobian in enumerate(system.jacobian):
-        stacked = np.concatenate([jacobian, task_jacobian[i]])
-        motion = stacked @ found.motion[i]
-        motion += np.concatenate([system.jacobian_bias[i], task_bias[i]])
-        motion[len(jacobian) :] -= task[i]
-        np.testing.assert_allclose(motion, 0.0, atol=1e-7)
-        right = np.linalg.svd(stacked)[2][np.linalg.matrix_rank(stacked, 1e-8) :]
-        np.testing.assert_allclose(right @ change[i], 0.0, atol=1e-6)
-    if not weighted:  # contacts hold in any unit of the cost; gains are in units of its root
-        given = (*contact, *task_of(rng, system, 2))
-        expected = operational_space_acceleration(*given, least_gain=1e-2)
-        for size in (1e-3, 1e3):
-            cost = np.full(system.bias.shape[1], size)
-            gain = 1e-2 / np.sqrt(size)
-            found = operational_space_acceleration(*given, motion_cost=cost, least_gain=gain)
-            np.testing.assert_allclose(found.motion, expected.motion, atol=1e-6)
-            np.testing.assert_allclose(found.task_error, expected.task_error, atol=1e-6)
 
 
 def test_contacts_outrank_a_task_that_contradicts_them(make_system, rng, contacts):

@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import clarabel
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -86,24 +85,12 @@ def exact(stance, row, *, cost=None, torque_limit=None):
     scale = wrench_scale(stance.options["length"], cost)
     weight = stance.robot.weight
     maps = stance.wrench_map[row] * scale[:, None]
-    columns = maps.shape[1]
-    rows, bounds, cones = [], [], []
-    for point in range(columns // 3):
-        cone = np.zeros((3, columns))
-        cone[0, 3 * point + 2] = -FRICTION
-        cone[1, 3 * point] = cone[2, 3 * point + 1] = -1.0
-        cones.append(clarabel.SecondOrderConeT(3))
-        rows.append(cone)
-        bounds.append(np.zeros(3))
+    limits, torque = np.tile([FRICTION, 0.0, np.inf], (maps.shape[1] // 3, 1)), None
     if torque_limit is not None:
         slope, offset = (x[row] for x in stance.torques)
-        rows += [slope, -slope]
-        bounds += [(torque_limit - offset) / weight, (torque_limit + offset) / weight]
-        cones.append(clarabel.NonnegativeConeT(2 * len(offset)))
+        torque = slope, -torque_limit - offset, torque_limit - offset
     target = stance.wrench[row] * scale / weight
-    rows, bounds = np.concatenate(rows), np.concatenate(bounds)
-    found = solved_by_clarabel(maps, target, rows, bounds, cones, tolerance=1e-11)
-    return None if found is None else weight * found
+    return solved_by_clarabel(maps, target, limits, weight, torque=torque, tolerance=1e-11)
 
 
 def assert_within_friction(force, friction=FRICTION):

@@ -164,25 +164,6 @@ def test_numbers_of_numpy_are_numbers():
     assert json.dumps(config.resolved())
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"episode_seconds": 1e6}, r"push_interval: \(1.5, 3.0\). Expected at least 10 s at epi"),
-        ({"height_interval": (1e-4, 1.0), "episode_seconds": 100.0}, "height_interval: .*100,000"),
-        ({"task": "squat", "speed": 0.01}, "Invalid speed: 0.01. Expected what makes a motion of"),
-        ({"layer_options": {"contacts": [(1e6, ["left"])]}}, "contacts: .*200 s in all"),
-        ({"layer_options": {"contacts": [(0.0005, ["left"])]}}, "contacts: .*seconds >= 0.002"),
-        ({"layer_options": {"contacts": itertools.repeat((1.0, ["left"]))}}, "contacts: repeat"),
-        ({"layer_options": {"contacts": {(1.0, ("left",))}}}, "contacts: {.*Expected phases"),
-        ({"layer_options": {"contacts": [(1.0, itertools.repeat("left"))]}}, "contacts: .*repeat"),
-    ],
-)
-def test_what_would_take_too_much_memory_or_never_end(arguments, message):
-    config = {"action_layer": "base_acceleration"}
-    with pytest.raises(FbidError, match=message):
-        gym.make(BIPED, **config, **arguments)
-
-
 @pytest.mark.parametrize("num_threads", [1, 300])
 def test_episodes_of_many_robots_have_bounds_too(num_threads):
     config = EnvConfig.of({"episode_seconds": 1e5})

@@ -86,23 +86,6 @@ def test_a_scale_is_where_a_term_has_fallen_to_1_over_e(name: str) -> None:
         np.testing.assert_allclose(at[0], at[1] ** 4 / np.where(flat > 0, flat, 1) ** 3, rtol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (
-            {"reward_weights": {"torqe": 0.1}},
-            "reward term 'torqe' of task 'walk'. Did you mean 'torque'",
-        ),
-        ({"reward_scales": {"speed": 0.1}}, "with a scale 'speed' of task 'walk'.*velocity"),
-        ({"reward_scales": {"torque": 0}}, r"reward_scales\['torque'\]: 0. Expected a number from"),
-    ],
-)
-def test_what_no_term_has_is_one_error(arguments: dict[str, Any], words: str) -> None:
-    for make in (gym.make, gym.make_vec, fbid_gym.make_sb3):
-        with pytest.raises(FbidError, match=words):
-            make(WALK, **arguments)
-
-
 def quiet(measured: Any, width: float) -> np.ndarray:
     return bell(measured.outcome.power, width * measured.units.weight * measured.units.speed)
 

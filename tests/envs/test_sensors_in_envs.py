@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.errors import FbidError
 from fbid_gym.estimation.sensors import ESTIMATORS
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
@@ -129,24 +128,6 @@ def test_a_map_moves_with_the_estimate():
     step = played(batch, 1)[-1]
     scan = step.observation[:, batch.observation_columns["scan"]]
     assert np.isfinite(scan).all() and np.abs(scan).max() < 1.0
-
-
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"sensors": "best"}, "sensors 'best'"),
-        ({"sensors": {"like": "mems", "imu_rate": 90}}, "a divisor of control_hz = 250"),
-        ({"state": "estimated"}, "state"),
-        ({"state": "guessed", "sensors": "mems"}, "'guessed'"),
-        ({"observation": "measured"}, "observation"),
-        ({"observation": "seen", "sensors": "mems"}, "'seen'"),
-        ({"history": 900, "episode_seconds": 10.0}, "at most the 500 steps"),
-    ],
-)
-def test_what_does_not_fit_is_refused_by_name(more, message):
-    with pytest.raises(FbidError) as error:
-        EnvConfig.of(arguments(**more))
-    assert message in str(error.value)
 
 
 def test_what_sensors_mean_is_saved_in_full():

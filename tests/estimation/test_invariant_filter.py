@@ -131,26 +131,6 @@ def test_how_errors_grow_is_what_finite_differences_say(rng):
     np.testing.assert_allclose(found, phi, atol=1e-4)
 
 
-def test_what_the_legs_measure_is_linear_in_the_error(rng):
-    truth, small = somewhere(rng), 1e-6
-    for foot in range(FEET):
-        seen = truth[:3, :3].T @ (truth[:3, 5 + foot] - truth[:3, 4])
-
-        def innovation(xi, seen=seen, foot=foot):
-            held = exponential(xi) @ truth
-            return held[:3, :3] @ seen - (held[:3, 5 + foot] - held[:3, 4])
-
-        for k in range(SIZE):
-            xi = small * np.eye(SIZE)[k]
-            slope = (innovation(xi) - innovation(-xi)) / (2.0 * small)
-            expected = np.zeros(3)
-            if 6 <= k < 9:
-                expected[k - 6] = 1.0
-            elif 15 + 3 * foot <= k < 18 + 3 * foot:
-                expected[k - 15 - 3 * foot] = -1.0
-            np.testing.assert_allclose(slope, expected, atol=1e-8)
-
-
 KINDS = {
     "invariant": (update, np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, *[5] * 9])),
     "linear": (update_linear, np.array([0, 3, 1, 2, *[5] * FEET])),
@@ -346,13 +326,11 @@ def test_a_lost_estimate_begins_anew_and_says_so(rng, kind):
     for _ in range(20):
         world.step(OWN)
     world.belief.velocity[0], world.belief.quaternion[1] = np.nan, np.nan
-    quiet = element(world.belief, 2)
     world.belief.felt[:] = world.readings.accelerometer
     for _ in range(250):
         world.step(OWN)
     assert world.belief.restarts.tolist() == [1, 1, 0]
     assert np.isfinite(world.seen.qpos).all() and np.isfinite(world.belief.covariance).all()
-    assert np.isfinite(quiet).all()
     for i in range(3):
         own = Rotation.from_quat(np.roll(world.belief.quaternion[i], -1)).as_matrix()
         speed = own.T @ world.belief.velocity[i]

@@ -14,6 +14,7 @@ from eval.comparison import compare, film
 from eval.report import page
 from eval.results import Settings
 from eval.rollout import Player, play_player
+from tests.eval.test_html import EVIL
 from train.episodes import METRICS
 from train.runs.command_line import parse
 from train.runs.config import PPOConfig, TrainConfig
@@ -104,15 +105,19 @@ def test_clips_show_the_same_pushes(four_runs):
     assert strengths.max() == pytest.approx(clips.push)
 
 
-def test_what_files_say_is_printed_as_it_is(run_folder, tmp_path, capsys):
-    folders = [run_folder(), run_folder("joint_position", name="[bold]b[/x]")]
+def test_what_files_say_is_printed_as_it_is_and_is_no_html(run_folder, tmp_path, capsys):
+    folders = [run_folder(name="a<b>&c"), run_folder("joint_position", name="[bold]b[/x]")]
     known = json.loads((folders[0] / "versions.json").read_text())
-    (folders[0] / "versions.json").write_text(json.dumps(known | {"commit": "[/x]"}))
+    forged = {"commit": "[/x]", "cpu_count": EVIL, "platform": EVIL, "packages": {EVIL: EVIL}}
+    (folders[0] / "versions.json").write_text(json.dumps(known | forged))
     out = tmp_path / "[b]" / "report.html"
     assert main([*map(str, folders), "--out", str(out), "--video-seconds", "0", *QUICK_ARGS]) == 0
     said = capsys.readouterr().out.replace("\n", "")
     assert "different commits of this project: " in said and "[/x]" in said
     assert "[b]/report.html" in said
+    html = out.read_text()
+    assert "&lt;script&gt;alert(1)" in html
+    assert "<script" not in html and "<img" not in html and "a<b>" not in html
 
 
 def test_an_environment_that_has_changed_since_training_is_noticed(run_folder):

@@ -7,6 +7,7 @@ from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable
+from fbid_gym.quantities import Target
 
 
 def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
@@ -38,6 +39,27 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
     needed = robot.mass * (motion.rows.com_acceleration[rows] - robot.model.opt.gravity)
     np.testing.assert_allclose(force, needed, rtol=0, atol=1e-7)
+
+
+def hold_foot_rates(rows: list[Target], tick: float, share: float) -> None:
+    """Assert that the first foot has the rates of its way in the air, by differences.
+
+    Footholds move a little: the median error is less than a share of the greatest rate.
+    """
+    in_air = ~np.array([row.planted[0] for row in rows])
+    swings = in_air[:-1] & in_air[1:]
+    for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
+        values, rates = (
+            np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
+        )
+        made, said = np.diff(values, axis=0)[swings] / tick, 0.5 * (rates[1:] + rates[:-1])[swings]
+        error = np.linalg.norm(made - said, axis=1)
+        assert np.median(error) < share * np.linalg.norm(said, axis=1).max()
+
+
+def heading_of(target: Target) -> np.ndarray:
+    """(N,) rad, of bases that are upright."""
+    return 2.0 * np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
 
 
 def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

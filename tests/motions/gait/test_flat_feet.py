@@ -13,6 +13,7 @@ from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
+from tests.motions.conftest import heading_of, hold_foot_rates
 
 TICK = 0.004
 FLAT = ("biped", "humanoid")
@@ -21,11 +22,6 @@ FLAT = ("biped", "humanoid")
 def turned(angle: np.ndarray) -> np.ndarray:
     """(N, 3, 3) rotations about the vertical."""
     return Rotation.from_euler("z", angle[:, None]).as_matrix()
-
-
-def heading_of(target: Target) -> np.ndarray:
-    """(N,) rad, of bases that are upright."""
-    return 2.0 * np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
 
 
 @dataclass
@@ -218,18 +214,9 @@ def test_a_swinging_foot_has_the_rates_of_its_way(gait):
     walkers = Pendulums(gait, np.zeros(1))
     velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     rows = [walkers.step(velocity) for _ in range(ticks(gait, 12))][ticks(gait, 6) :]
-    in_air = ~np.array([row.planted[0] for row in rows])
-    swings = in_air[:-1] & in_air[1:]
     for row in rows:  # a foot is damped towards this share of the rate of its level way
         row.foot_velocity[..., :2] /= gait.trail
-    for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
-        values, rates = (
-            np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
-        )
-        made, said = np.diff(values, axis=0)[swings] / TICK, 0.5 * (rates[1:] + rates[:-1])[swings]
-        # The foothold moves a little as the error of xi does.
-        error = np.linalg.norm(made - said, axis=1)
-        assert np.median(error) < 0.03 * np.linalg.norm(said, axis=1).max()
+    hold_foot_rates(rows, TICK, 0.03)  # the foothold moves as the error of xi does
 
 
 def test_setting_out_is_without_jumps(gait):

@@ -16,6 +16,7 @@ from fbid_gym.quantities import DynamicsTerms, Target
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.built_in import QUADRUPED
 from tests.dogs import dog
+from tests.motions.conftest import heading_of, hold_foot_rates
 
 TICK = 0.002
 ROBOT = load("quadruped")
@@ -39,11 +40,6 @@ def walked(gait, command, terms, force, memory) -> Target:
     target = standing_target(terms, gait.home)
     walk(gait, command, terms, force, TICK, memory, target)
     return target
-
-
-def heading_of(target: Target) -> np.ndarray:
-    """(N,) rad, of bases that are upright."""
-    return 2.0 * np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
 
 
 class Ghost:
@@ -178,16 +174,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned():
 def test_a_swinging_foot_has_the_rates_of_its_way():
     ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
     rows = [ghost.tick() for _ in range(2000)][1000:]
-    in_air = ~np.array([row.planted[0] for row in rows])
-    swings = in_air[:-1] & in_air[1:]
-    for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
-        values, rates = (
-            np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
-        )
-        made, said = np.diff(values, axis=0)[swings] / TICK, 0.5 * (rates[1:] + rates[:-1])[swings]
-        # The foothold moves on with the robot, and the last way is slow.
-        error = np.linalg.norm(made - said, axis=1)
-        assert np.median(error) < 0.02 * np.linalg.norm(said, axis=1).max()
+    hold_foot_rates(rows, TICK, 0.02)  # the foothold moves on with the robot
 
 
 def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands():
