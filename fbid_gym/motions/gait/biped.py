@@ -210,27 +210,30 @@ def biped_gait(
     stance = Stance.of(robot)
     home, leg, geometry = stance.terms, stance.size, stance.geometry
     feet, turn = home.foot_position[0], home.world_from_foot[0]
-    width = abs(feet[0, 1] - feet[1, 1])
+    width = float(abs(feet[0, 1] - feet[1, 1]))
+    left = np.sign(feet[:, 1] - feet[:, 1].mean())
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
-    for foot, called in enumerate(robot.foot_names):
-        if len(convex_hull(points[geometry.foot_of_point == foot])) < 3:
+    soles = [points[geometry.foot_of_point == foot] for foot in range(2)]
+    for sole, called in zip(soles, robot.foot_names, strict=True):
+        if len(convex_hull(sole)) < 3:
             raise RobotError(
                 f"The contact points of foot {called!r} of {robot.name!r} span no area. "
                 "Expected two flat feet to walk like a biped."
             )
-    sole = np.abs(points).max(axis=0)
-    least_apart = 2.0 * float(sole[1]) + _GAP * leg
+    # Of soles that are not the same on all sides of their references: the least that both have.
+    halves = np.min([np.minimum(-sole.min(axis=0), sole.max(axis=0)) for sole in soles], axis=0)
+    inner = [(-side * sole[:, 1]).max() for side, sole in zip(left, soles, strict=True)]
+    least_apart = float(sum(inner)) + _GAP * leg
     if width < least_apart:
         raise RobotError(
-            f"Feet {robot.foot_names[0]!r} and {robot.foot_names[1]!r} of {robot.name!r} stand "
-            f"{width:.3g} m apart, and their soles are {2.0 * sole[1]:.3g} m wide. "
-            "Expected feet side by side in the home pose."
+            f"Feet {robot.foot_names} of {robot.name!r} are {width:.3g} m apart in the home pose. "
+            f"Expected {least_apart:.3g} m at least, with their soles side by side."
         )
     pattern, gravity, speed = PATTERNS[name], robot.gravity, math.sqrt(robot.gravity * leg)
     lowered, omega, usual, share, haste = _bent(robot, pattern)
     period = 0.5 * (cycle or usual) / omega
     return FlatFootGait(
-        sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
+        sense=Sense(2.0 * period, _LEVEL * (0.5 * width) ** 2),
         omega=omega,
         single=(1.0 - pattern.double) * period,
         double=pattern.double * period,
@@ -244,18 +247,18 @@ def biped_gait(
         height=float(home.base_position[0, 2] - feet[:, 2].mean() - lowered),
         crouch=lowered - _HIGH * leg,
         bend=_BEND * speed,
-        width=min(float(width), pattern.width * least_apart),
+        width=min(width, pattern.width * least_apart),
         least_apart=least_apart,
-        most_apart=float(width + _WIDEST * leg),
+        most_apart=width + _WIDEST * leg,
         longest=_LONGEST * leg,
         lift=pattern.lift * leg,
         sink=pattern.sink * speed,
         trail=1.0 - pattern.lag * haste**2,
         load=_LOAD * robot.weight,
-        sole=SOLE * sole,
+        sole=SOLE * halves,
         points=SOLE * points,
         foot_of_point=geometry.foot_of_point,
-        left=np.sign(feet[:, 1] - feet[:, 1].mean()),
+        left=left,
         level=np.ascontiguousarray(turn),
         home=robot.home_qpos,
     )

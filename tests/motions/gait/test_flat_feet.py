@@ -386,3 +386,21 @@ def test_robots_that_cannot_walk_on_two_flat_feet_are_refused():
         robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="edge", home=biped.home_qpos)
         with pytest.raises(RobotError, match="foot 'left' of 'edge' span no area. Expected two"):
             biped_gait(robot)
+
+
+def test_soles_that_are_not_the_same_on_all_sides_are_as_far_apart_as_at_home(tmp_path):
+    """TALOS's public file has such soles: the mean of its points is not the middle of a sole."""
+    text = robots.load("biped").spec.to_xml()
+    for side, y in (("left", -0.03), ("right", 0.03)):
+        heel = f'<geom name="{side}_heel_out"'
+        assert text.count(heel) == 1
+        text = text.replace(heel, f'<geom class="sole" pos="-0.11 {y} -0.053"/>{heel}')
+    (file := tmp_path / "biped.xml").write_text(text)
+    robot = robots.Robot.load(file)
+    gait, points = biped_gait(robot), robot.points_at_home
+    right, left = (points[gait.foot_of_point == foot, 1] for foot in np.argsort(gait.left))
+    gap = left.min() - right.max() - gait.longest / 60
+    np.testing.assert_allclose(gait.width - gait.least_apart, gap, atol=1e-9)
+    for foot in range(2):  # the centre of pressure stays on the sole
+        its = gait.points[gait.foot_of_point == foot]
+        assert (gait.sole <= np.minimum(its.max(axis=0), -its.min(axis=0)) + 1e-9).all()
