@@ -129,7 +129,10 @@ def swing_time(robot: Robot, velocity: float, share: float) -> float:
 
 
 def deepest_bend(robot: Robot) -> float:
-    """Return by how much a robot on two soles can be lower than at home, m, as knees carry it."""
+    """Return by how much a robot on two soles can be lower than at home, m.
+
+    As far as the knees carry it, and as the joints' range lets it, of which a stride needs some.
+    """
     stance, bends = Stance.of(robot), [math.inf]
     leg = stance.size
     for foot, moves in enumerate(stance.legs):
@@ -137,17 +140,28 @@ def deepest_bend(robot: Robot) -> float:
         # The knee is the joint that makes the leg longer. With both parts of a leg alike, its lever
         # r and the distance D of the leg's ends keep r^2 + D^2 / 4.
         along = stance.hips[foot] - stance.terms.foot_position[0, foot]
-        jacobian = stance.terms.foot_jacobian[0, foot][:3, 6 + joints]
-        levers = np.abs(along / np.linalg.norm(along) @ jacobian)
+        apart = float(np.linalg.norm(along))
+        jacobian = stance.terms.foot_jacobian[0, foot][:, 6 + joints]
+        levers = np.abs(along / apart @ jacobian[:3])
         knee = int(np.argmax(levers))
         most = robot.torque_limit[joints[knee]] / robot.weight  # on one leg
         spare = most**2 - levers[knee] ** 2
         bends.append(leg * (1.0 - math.sqrt(max(1.0 - 4.0 * spare / leg**2, 0.0))))
+        # How far the joints turn while the knee does by 1 rad and the foot rises as it stands.
+        turns = np.linalg.pinv(jacobian, rcond=1e-6)[:, 2]
+        turns = turns / max(abs(turns[knee]), 1e-9)
+        moving = np.abs(turns) > _IDLE
+        ends = robot.joint_range[joints[moving]] - robot.home_qpos[7:][joints[moving], None]
+        further = _ROOM * max((ends / turns[moving, None]).max(axis=1).min(), 0.0)
+        half, part = math.atan2(levers[knee], 0.5 * apart), math.hypot(levers[knee], 0.5 * apart)
+        bends.append(apart - 2.0 * part * math.cos(min(half + 0.5 * further, 0.5 * math.pi)))
     return min(bends)
 
 
 ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
 SOLE = 0.8  # share of the sole that the centre of pressure may use
+_ROOM = 0.9  # share of the joints' range that bent legs may use
+_IDLE = 0.05  # of the knee's turn; joints that turn less do not count
 
 
 class Pattern(NamedTuple):
