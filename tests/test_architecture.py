@@ -87,7 +87,7 @@ LINES = {
     "dynamics": 1604,
     "envs": 3415,
     "estimation": 1965,
-    "motions": 3656,
+    "motions": 3654,
     "policy": 616,
     "robots": 5464,
     "runtime": 1829,

@@ -129,10 +129,7 @@ def swing_time(robot: Robot, velocity: float, share: float) -> float:
 
 
 def deepest_bend(robot: Robot) -> float:
-    """Return by how much a robot on two soles can be lower than at home, m.
-
-    As far as the knees carry it, and as the joints' range lets it, of which a stride needs some.
-    """
+    """Return by how much a robot on two soles can be lower, m: as knees and joints' range allow."""
     stance, bends = Stance.of(robot), [math.inf]
     leg = stance.size
     for foot, moves in enumerate(stance.legs):
@@ -152,7 +149,8 @@ def deepest_bend(robot: Robot) -> float:
         turns = turns / max(abs(turns[knee]), 1e-9)
         moving = np.abs(turns) > _IDLE
         ends = robot.joint_range[joints[moving]] - robot.home_qpos[7:][joints[moving], None]
-        further = _ROOM * max((ends / turns[moving, None]).max(axis=1).min(), 0.0)
+        room = (ends / turns[moving, None]).max(axis=1)  # none of a leg that is straight
+        further = _ROOM * max(room.min(initial=math.inf), 0.0)
         half, part = math.atan2(levers[knee], 0.5 * apart), math.hypot(levers[knee], 0.5 * apart)
         bends.append(apart - 2.0 * part * math.cos(min(half + 0.5 * further, 0.5 * math.pi)))
     return min(bends)
