@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions, contact_belief
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
-from fbid_gym.actions.law import Law, LawLayer, OnContacts, no_lighter
+from fbid_gym.actions.law import Law, LawLayer, OnContacts, moment_cost, no_lighter
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.control.balance import desired_wrench
@@ -44,7 +44,7 @@ class BalanceLaw(OnContacts):
         balancer: str,
         hertz: Mapping[str, float],
         ratio: float,
-        moment_priority: float,
+        moment_priority: tuple[float, float],
         push: np.ndarray,
     ) -> "BalanceLaw":
         """Build the law.
@@ -54,7 +54,7 @@ class BalanceLaw(OnContacts):
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         gains = papers_gains(robot, balancer, hertz, ratio)
-        cost = (1.0,) * 3 + (moment_priority,) * 3
+        cost = moment_cost(robot, moment_priority)
         constants = MomentumBalance(
             BALANCERS[balancer],
             gains.on_errors(of_velocity=balancer == "ott2011"),
@@ -132,7 +132,7 @@ class ComWrench(LawLayer):
     law: Law | BalanceLaw  # from action to torque
     scale: np.ndarray  # (6,) N and N·m, what action 1 adds to the wrench
     contact: ContactOptions  # what it assumes of contacts
-    moment_priority: float  # of the law
+    moment_priority: tuple[float, float]  # of the law
     meant: Mapping[str, Any]  # name of an option that may be None -> what it means
     priority_action: bool  # whether the action changes the priority
 
@@ -171,7 +171,7 @@ class ComWrench(LawLayer):
         limited = assumed.limits(robot) is not None
         body.check_priority_action(limited and balancer == _INVERSE_DYNAMICS)
         if balancer != _INVERSE_DYNAMICS:
-            priority = 1.0 if body.moment_priority is None else body.moment_priority
+            priority = (1.0, 1.0) if body.moment_priority is None else body.priority(robot, kind)
             hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
             rival = BalanceLaw.of(
                 robot, control_hz, assumed, balancer, hertz, ratio, priority, scale

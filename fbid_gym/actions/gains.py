@@ -79,7 +79,7 @@ class BodyOptions:
     """Weight of squared errors of the moment on the base (per weight and mean distance of the
     contact points) beside one for the force (per weight), where the contacts cannot deliver both,
     as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
-    pushed."""
+    pushed. A pair weighs moments that tilt the body, and those that turn it."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] = 0.0
     """By how much more small errors of the horizontal velocity are damped, in units of the rate at
     which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
@@ -128,10 +128,11 @@ class BodyOptions:
             expected = 'False, or contact_limits "friction" and balancer "inverse_dynamics"'
             raise InvalidValueError("priority_action", True, expected)
 
-    def priority(self, robot: Robot, kind: MotionKind) -> float:
-        """Return the weight of moments beside forces that they ask for."""
+    def priority(self, robot: Robot, kind: MotionKind) -> tuple[float, float]:
+        """Return the weights of moments that tilt and that turn, beside forces, they ask for."""
         default = default_moment_priority(robot, kind)
-        return default if self.moment_priority is None else self.moment_priority
+        given = default if self.moment_priority is None else self.moment_priority
+        return given if isinstance(given, tuple) else (given, given)
 
 
 BODY_DEFAULTS = BodyOptions()

@@ -25,7 +25,7 @@ from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.dynamics.trunk import about_base, base_from_trunk
 from fbid_gym.quantities import BodyGains, DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.drives import torque_line
@@ -87,7 +87,7 @@ class Law(OnContacts):
         control_hz: int,
         contact: ContactOptions,
         gains: BodyGains,
-        moment_priority: float,
+        moment_priority: tuple[float, float],
         *,
         joints_first: bool = False,
         delay: float = 0.0,
@@ -96,12 +96,12 @@ class Law(OnContacts):
 
         Where contacts cannot deliver both, squared errors of the moment (per weight and mean
         distance of the contact points) weigh `moment_priority` times as much as those of the force
-        (per weight). With `joints_first` feet in the air follow their joints, and the base yields
+        (per weight), where it tilts and where it turns the body. With `joints_first` feet in the air follow their joints, and the base yields
         where feet do not allow what is asked of base and joints. Torques come `delay` s after the
         state that they answer.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        cost, inertia = (1.0,) * 3 + (moment_priority,) * 3, _turning_inertia(robot)
+        cost, inertia = moment_cost(robot, moment_priority), _turning_inertia(robot)
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,
@@ -172,6 +172,11 @@ class LawLayer:
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""
         return self.law.memory(num_robots)
+
+
+def moment_cost(robot: Robot, priority: tuple[float, float]) -> np.ndarray:
+    """Return what squared errors of the wrench on the base cost, (6,): of the force, 1."""
+    return np.append(np.ones(3), about_base(robot, *priority))
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:

@@ -64,6 +64,22 @@ class Hertz:
         return Number(self.least, MOST_HERTZ, "Hz")
 
 
+@dataclass(frozen=True)
+class Weight(Number):
+    """A number; or two, of the moment that tilts the body and of that which turns it."""
+
+    @property
+    def words(self) -> str:
+        """See `fbid_gym.options.Kind`."""
+        return f"{super().words}, or two: of the moment that tilts, and of that which turns"
+
+    def check(self, name: str, value: Any) -> Any:
+        """See `fbid_gym.options.Kind`."""
+        if isinstance(value, list | tuple) and len(value) == 2:
+            return tuple(super(Weight, self).check(name, one) for one in value)
+        return super().check(name, value)
+
+
 Frequency = Annotated[float | Falling, Hertz()]
 Response = Annotated[float | Falling | tuple[float, float], Hertz(gains=True)]
 """A frequency, or stiffness and damping."""
@@ -72,4 +88,4 @@ TargetScale = Annotated[float, Number(1e-6, 100.0, "rad")]
 AccelerationScale = Annotated[float, Number(1e-6, 1e5, "rad/s^2")]
 LoopDelay = Annotated[float, Number(0.0, 0.03, "s")]
 """From a state to its torque: of gains on joints more would leave next to nothing."""
-Priority = Annotated[float, Number(1e-6, 1e9)]
+Priority = Annotated[float | tuple[float, float], Weight(1e-6, 1e9)]

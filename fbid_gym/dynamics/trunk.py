@@ -19,6 +19,14 @@ def base_from_trunk(robot: Robot) -> np.ndarray:
     return rotation.reshape(3, 3).T.copy()
 
 
+def about_base(robot: Robot, tilting: float, turning: float) -> np.ndarray:
+    """Return what counts `turning` about the trunk's vertical and `tilting` about its other axes.
+
+    (3,) about the base's axes: exact where they are the trunk's, in any order.
+    """
+    return np.square(base_from_trunk(robot)) @ np.array([tilting, tilting, turning])
+
+
 @compiled
 def trunk_rate(terms: DynamicsTerms, qvel: np.ndarray, i: int) -> Vector:
     """Return how fast the trunk of robot i turns, rad/s, about its own axes; qvel (N, nv)."""

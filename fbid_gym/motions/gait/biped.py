@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.dynamics.trunk import about_base
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
 from fbid_gym.motions.gait.slope import Sense, level_moments
@@ -251,7 +251,7 @@ def biped_gait(
         double=pattern.double * period,
         top=share * pattern.top * speed,
         start=pattern.start * speed,
-        moment=haste**2 * np.square(base_from_trunk(robot)) @ np.repeat(pattern.moment, (2, 1)),
+        moment=haste**2 * about_base(robot, *pattern.moment),
         settle=_SETTLE / omega,
         agility=gravity * np.array([pattern.forward * haste, _AGILITY, _AGILITY / leg]),
         trim=Trim.of(integral_time, omega, gravity),
