@@ -96,9 +96,9 @@ class Law(OnContacts):
 
         Where contacts cannot deliver both, squared errors of the moment (per weight and mean
         distance of the contact points) weigh `moment_priority` times as much as those of the force
-        (per weight), where it tilts and where it turns the body. With `joints_first` feet in the air follow their joints, and the base yields
-        where feet do not allow what is asked of base and joints. Torques come `delay` s after the
-        state that they answer.
+        (per weight): of what tilts the body, and of what turns it. With `joints_first` feet in the
+        air follow their joints, and the base yields where feet do not allow what is asked of base
+        and joints. Torques come `delay` s after the state that they answer.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         cost, inertia = moment_cost(robot, moment_priority), _turning_inertia(robot)

@@ -63,9 +63,8 @@ def promised(layer, command, state, target, terms):
         forces = np.matvec(contacts.point_map.mT, free.contact_force)
         return free.torque, free.acceleration, forces.reshape(len(forces), -1, 3)
     own = {"point_map": contacts.point_map, "active": active, "base_priority": priority}
-    own |= {
-        "wrench_cost": moment_cost(layer.law.robot, getattr(layer, "moment_priority", (1.0, 1.0)))
-    }
+    tilting, turning = getattr(layer, "moment_priority", (1.0, 1.0))
+    own |= {"wrench_cost": (1.0,) * 3 + (tilting, tilting, turning)}
     own |= {"length": Stance.of(layer.law.robot).length}
     limited = limited_inverse_dynamics(*motion, ContactLimits(*law.limits[0].T), **own)
     return limited.torque, limited.acceleration, limited.point_force

@@ -238,6 +238,22 @@ def test_the_priority_may_be_the_policys(name, rng):
         assert np.abs(asked - plain).max() > 1e-3 * np.abs(plain).max()
 
 
+def test_moments_that_turn_may_weigh_apart(rng):
+    """The more they weigh, the less of the one about the vertical is missing, on one sole."""
+    robot, missing, torques = robots.load("biped"), [], []
+    state, terms = crouched(robot, rng, 0.05)
+    target, action = target_of(robot, terms, rng), np.array([[0.5, 0.5, 0.0, 0.0, 0.0, 3.0]])
+    for priority in (0.05, (0.05, 0.05), (0.05, 0.5), (0.05, 50.0)):
+        options = {"moment_priority": priority, "contact_ramp": 0.0}
+        layer, _ = make_layer("base_acceleration", robot, HZ, kind_of(robot), options)
+        memory, asked = layer.memory(1), Command.to_target(layer.scale * action)
+        torques.append(layer.torque(action, state, target, lambda: terms, memory))
+        wanted = acceleration_of(layer.law, asked, state, target, terms)
+        missing.append(abs(terms.mass_matrix[0, 5] @ (wanted - memory["acceleration"][0])))
+    np.testing.assert_array_equal(torques[0], torques[1])
+    assert missing[1] > 1.5 * missing[2] > 3.0 * missing[3]
+
+
 def test_a_priority_that_nothing_has_is_no_action():
     robot = robots.load("go1")
     for options in ({"contact_limits": "none"}, {"balancer": "ott2011"}):
