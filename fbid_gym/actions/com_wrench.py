@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions, contact_belief
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
-from fbid_gym.actions.law import Law, LawLayer, OnContacts, moment_cost, no_lighter
+from fbid_gym.actions.law import Law, LawLayer, OnContacts, no_lighter
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.control.balance import desired_wrench
@@ -21,7 +21,7 @@ from fbid_gym.dynamics.centroidal import centroidal_terms, find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
-from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.dynamics.trunk import about_base, base_from_trunk
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, checked
@@ -54,7 +54,7 @@ class BalanceLaw(OnContacts):
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         gains = papers_gains(robot, balancer, hertz, ratio)
-        cost = moment_cost(robot, moment_priority)
+        cost = (1, 1, 1, *about_base(robot, *moment_priority))
         constants = MomentumBalance(
             BALANCERS[balancer],
             gains.on_errors(of_velocity=balancer == "ott2011"),

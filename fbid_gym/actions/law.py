@@ -101,7 +101,7 @@ class Law(OnContacts):
         and joints. Torques come `delay` s after the state that they answer.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        cost, inertia = moment_cost(robot, moment_priority), _turning_inertia(robot)
+        inertia, cost = _turning_inertia(robot), (1, 1, 1, *about_base(robot, *moment_priority))
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,
@@ -172,11 +172,6 @@ class LawLayer:
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""
         return self.law.memory(num_robots)
-
-
-def moment_cost(robot: Robot, priority: tuple[float, float]) -> np.ndarray:
-    """Return what squared errors of the wrench on the base cost, (6,): of the force, 1."""
-    return np.append(np.ones(3), about_base(robot, *priority))
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:
