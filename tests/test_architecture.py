@@ -82,10 +82,10 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 LONGER = {"fbid_gym/control/body_law.py": 549, "fbid_gym/control/whole_body.py": 661}  # to be split
 LINES = {
     ".": 2313,
-    "actions": 2948,
+    "actions": 2965,
     "control": 4619,
-    "dynamics": 1604,
-    "envs": 3415,
+    "dynamics": 1609,
+    "envs": 3414,
     "estimation": 1965,
     "motions": 3654,
     "policy": 616,
@@ -94,10 +94,10 @@ LINES = {
     "tasks": 2204,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_165, "train": 5_289, "eval": 17_370, "eval/papers": 5_416}
+TREES = {"tests": 29_183, "train": 5_289, "eval": 17_370, "eval/papers": 5_416}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
-READING = {"fbid_gym.actions.base_acceleration": (35, 6799)}
+READING = {"fbid_gym.actions.base_acceleration": (35, 6821)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

@@ -52,7 +52,6 @@ class Stance:
         terms: of its dynamics, in one row.
         home_base: (3,) m, base from the centre of the contact points.
         home_com: (3,) m, centre of mass from the same.
-        home_base_rotation: (3, 3) of the base.
         falling_rate: 1/s, sqrt(g / height of the centre of mass).
         layout: (P, 2) m, contact points from their centre, seen from above.
         legs: (F, n) bool, joints that move this foot and no other.
@@ -64,7 +63,6 @@ class Stance:
     terms: DynamicsTerms
     home_base: np.ndarray
     home_com: np.ndarray
-    home_base_rotation: np.ndarray
     falling_rate: float
     layout: np.ndarray
     legs: np.ndarray
@@ -88,7 +86,6 @@ class Stance:
             terms=terms,
             home_base=terms.base_position[0] - centre,
             home_com=home_com,
-            home_base_rotation=terms.world_from_base[0],
             falling_rate=float(np.sqrt(robot.gravity / home_com[2])),
             layout=layout,
             legs=legs,
