@@ -21,7 +21,7 @@ from fbid_gym.dynamics.centroidal import centroidal_terms, find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
-from fbid_gym.dynamics.trunk import about_base, base_from_trunk
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, checked
@@ -54,7 +54,8 @@ class BalanceLaw(OnContacts):
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         gains = papers_gains(robot, balancer, hertz, ratio)
-        cost = (1, 1, 1, *about_base(robot, *moment_priority))
+        (tilting, turning), limited = moment_priority, limits is not None
+        cost = (1.0, 1.0, 1.0, tilting, tilting, turning)  # the wrench's axes are the world's
         constants = MomentumBalance(
             BALANCERS[balancer],
             gains.on_errors(of_velocity=balancer == "ott2011"),
@@ -67,9 +68,9 @@ class BalanceLaw(OnContacts):
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             torque_limit=robot.torque_limit[None].copy(),
             weight=np.array([robot.weight]),
-            scale=wrench_scale(stance.length, cost if limits is not None else None),
+            scale=wrench_scale(stance.length, cost if limited else None),
             passive=contact.passive(robot),
-            limited=limits is not None,
+            limited=limited,
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         return cls(robot, belief, contact.ramp(control_hz), constants)

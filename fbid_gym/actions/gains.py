@@ -129,7 +129,7 @@ class BodyOptions:
             raise InvalidValueError("priority_action", True, expected)
 
     def priority(self, robot: Robot, kind: MotionKind) -> tuple[float, float]:
-        """Return the weights of moments that tilt and that turn, beside forces, they ask for."""
+        """Return the weights, beside forces, of moments that tilt and of those that turn."""
         default = default_moment_priority(robot, kind)
         given = default if self.moment_priority is None else self.moment_priority
         return given if isinstance(given, tuple) else (given, given)
