@@ -41,7 +41,7 @@ class BaseAcceleration(LawLayer):
     law: Law  # from acceleration to torque
     scale: np.ndarray  # (6,) m/s^2 and rad/s^2 at action 1
     contact: ContactOptions  # what it assumes of contacts
-    moment_priority: tuple[float, float]  # of the law
+    moment_priority: float | tuple[float, float]  # of the law
     priority_action: bool  # whether the action changes it
 
     @classmethod

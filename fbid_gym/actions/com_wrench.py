@@ -44,7 +44,7 @@ class BalanceLaw(OnContacts):
         balancer: str,
         hertz: Mapping[str, float],
         ratio: float,
-        moment_priority: tuple[float, float],
+        moment_priority: float | tuple[float, float],
         push: np.ndarray,
     ) -> "BalanceLaw":
         """Build the law.
@@ -54,7 +54,7 @@ class BalanceLaw(OnContacts):
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         gains = papers_gains(robot, balancer, hertz, ratio)
-        (tilting, turning), limited = moment_priority, limits is not None
+        tilting, turning = np.broadcast_to(moment_priority, 2)
         cost = (1.0, 1.0, 1.0, tilting, tilting, turning)  # the wrench's axes are the world's
         constants = MomentumBalance(
             BALANCERS[balancer],
@@ -68,9 +68,9 @@ class BalanceLaw(OnContacts):
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             torque_limit=robot.torque_limit[None].copy(),
             weight=np.array([robot.weight]),
-            scale=wrench_scale(stance.length, cost if limited else None),
+            scale=wrench_scale(stance.length, cost if limits is not None else None),
             passive=contact.passive(robot),
-            limited=limited,
+            limited=limits is not None,
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         return cls(robot, belief, contact.ramp(control_hz), constants)
@@ -133,7 +133,7 @@ class ComWrench(LawLayer):
     law: Law | BalanceLaw  # from action to torque
     scale: np.ndarray  # (6,) N and N·m, what action 1 adds to the wrench
     contact: ContactOptions  # what it assumes of contacts
-    moment_priority: tuple[float, float]  # of the law
+    moment_priority: float | tuple[float, float]  # of the law
     meant: Mapping[str, Any]  # name of an option that may be None -> what it means
     priority_action: bool  # whether the action changes the priority
 
@@ -172,7 +172,7 @@ class ComWrench(LawLayer):
         limited = assumed.limits(robot) is not None
         body.check_priority_action(limited and balancer == _INVERSE_DYNAMICS)
         if balancer != _INVERSE_DYNAMICS:
-            priority = (1.0, 1.0) if body.moment_priority is None else body.priority(robot, kind)
+            priority = 1.0 if body.moment_priority is None else body.moment_priority
             hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
             rival = BalanceLaw.of(
                 robot, control_hz, assumed, balancer, hertz, ratio, priority, scale

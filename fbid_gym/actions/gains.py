@@ -128,11 +128,10 @@ class BodyOptions:
             expected = 'False, or contact_limits "friction" and balancer "inverse_dynamics"'
             raise InvalidValueError("priority_action", True, expected)
 
-    def priority(self, robot: Robot, kind: MotionKind) -> tuple[float, float]:
-        """Return the weights, beside forces, of moments that tilt and of those that turn."""
+    def priority(self, robot: Robot, kind: MotionKind) -> float | tuple[float, float]:
+        """Return the weight of moments beside forces that they ask for, or the two of them."""
         default = default_moment_priority(robot, kind)
-        given = default if self.moment_priority is None else self.moment_priority
-        return given if isinstance(given, tuple) else (given, given)
+        return default if self.moment_priority is None else self.moment_priority
 
 
 BODY_DEFAULTS = BodyOptions()

@@ -71,7 +71,7 @@ class JointAcceleration(LawLayer):
         if scale is None:
             scale = _SCALE * Stance.of(robot).falling_rate ** 2
         assumed, firm = contact.on(robot, kind), gains._replace(hold=0.0)
-        law = Law.of(robot, control_hz, assumed, firm, (1.0, 1.0), joints_first=True)
+        law = Law.of(robot, control_hz, assumed, firm, 1.0, joints_first=True)
         motion = JointMotion.of(robot, kind, gains, aware=True)
         damping = 2.0 * damping_ratio * float(omega)
         return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)

@@ -149,7 +149,7 @@ class JointPositionFeedforward(LawLayer):
         assumed = contact.on(robot, kind)
         firm_feet = own._replace(hold=0.0)
         return cls(
-            law=Law.of(robot, control_hz, assumed, firm_feet, (1.0, 1.0), joints_first=True),
+            law=Law.of(robot, control_hz, assumed, firm_feet, 1.0, joints_first=True),
             motion=JointMotion.of(robot, kind, own, aware=True),
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),

@@ -87,7 +87,7 @@ class Law(OnContacts):
         control_hz: int,
         contact: ContactOptions,
         gains: BodyGains,
-        moment_priority: tuple[float, float],
+        moment_priority: float | tuple[float, float],
         *,
         joints_first: bool = False,
         delay: float = 0.0,
@@ -101,7 +101,8 @@ class Law(OnContacts):
         and joints. Torques come `delay` s after the state that they answer.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        inertia, cost = _turning_inertia(robot), (1, 1, 1, *about_base(robot, *moment_priority))
+        inertia, priority = _turning_inertia(robot), np.broadcast_to(moment_priority, 2)
+        cost = (1.0, 1.0, 1.0, *about_base(robot, *priority))
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,

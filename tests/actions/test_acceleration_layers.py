@@ -63,7 +63,7 @@ def promised(layer, command, state, target, terms):
         forces = np.matvec(contacts.point_map.mT, free.contact_force)
         return free.torque, free.acceleration, forces.reshape(len(forces), -1, 3)
     own = {"point_map": contacts.point_map, "active": active, "base_priority": priority}
-    tilting, turning = getattr(layer, "moment_priority", (1.0, 1.0))
+    tilting, turning = np.broadcast_to(getattr(layer, "moment_priority", 1.0), 2)
     own |= {"wrench_cost": (1.0,) * 3 + (tilting, tilting, turning)}
     own |= {"length": Stance.of(layer.law.robot).length}
     limited = limited_inverse_dynamics(*motion, ContactLimits(*law.limits[0].T), **own)

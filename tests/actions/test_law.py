@@ -33,7 +33,7 @@ def kind_of(robot):
 def law_of(robot):
     gains = default_gains(robot, kind_of(robot))
     contact = ContactOptions(friction=0.6, compensate_damping=False)
-    return Law.of(robot, HZ, contact, gains, (1.0, 1.0))
+    return Law.of(robot, HZ, contact, gains, 1.0)
 
 
 def crouched(robot, rng, noise):
@@ -233,7 +233,7 @@ def test_the_priority_may_be_the_policys(name, rng):
     np.testing.assert_array_equal(same, plain)
     for entry, factor in ((1.0, 4.0), (-1.0, 0.25), (0.5, 2.0)):
         _, asked = torque([entry], priority_action=True)
-        _, given = torque([], moment_priority=[factor * each for each in own.moment_priority])
+        _, given = torque([], moment_priority=factor * own.moment_priority)
         np.testing.assert_allclose(asked, given, atol=1e-9 * robot.weight)
         assert np.abs(asked - plain).max() > 1e-3 * np.abs(plain).max()
 

@@ -50,7 +50,7 @@ def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
-    return boundless(Law.of(robot, HZ, contact, gains, (moment_priority,) * 2))
+    return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
 
 
 def boundless(law: Law) -> Law:

@@ -90,7 +90,7 @@ class Stepper:
         # Contacts switch instantly, as in [M10] IV.D.
         contact = ContactOptions(contact_ramp=0.0, friction=FRICTION).on(robot, kind)
         gains, priority = default_gains(robot, kind), default_moment_priority(robot, kind)
-        self.law = Law.of(robot, self.plan.hz, contact, gains, (priority, priority))
+        self.law = Law.of(robot, self.plan.hz, contact, gains, priority)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
