@@ -79,7 +79,7 @@ class BodyOptions:
     """Weight of squared errors of the moment on the base (per weight and mean distance of the
     contact points) beside one for the force (per weight), where the contacts cannot deliver both,
     as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
-    pushed. A pair weighs moments that tilt the body, and those that turn it."""
+    pushed."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] = 0.0
     """By how much more small errors of the horizontal velocity are damped, in units of the rate at
     which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than

@@ -33,7 +33,7 @@ CASES = st.fixed_dictionaries(
         "contacts": st.sampled_from(_CONTACTS),
         "contact_limits": st.sampled_from(("friction", "none")),
         "contact_ramp": st.sampled_from((0.0, 0.02)),
-        "moment_priority": st.sampled_from((None, 30.0, (0.01, 1.0))),
+        "moment_priority": st.sampled_from((None, 30.0, 0.01, (0.01, 1.0))),
         "reference": st.sampled_from(("gait", "home")),
         "footholds": st.booleans(),
         "step_rate": st.booleans(),
