@@ -117,8 +117,8 @@ class Walk(Episode):
             lowered_range: (least, most) by which the base is lower than the gait has it throughout
                 an episode, in units of h. Layers follow; the policy sees its height.
             gait: of a quadruped: "trot", "short_trot", "walk", "pace", "bound" or "stand"; of a
-                biped: "walk", up to 0.17 sqrt(g l) with l the length of its legs, or "brisk_walk",
-                up to 0.32. Default: "trot", "walk".
+                biped: "walk", up to 0.17 sqrt(g l) with l the length of its legs, "brisk_walk" or
+                "rolling_walk", from heel to toe, up to 0.32. Default: "trot", "walk".
             gait_period: time that a cycle of the gait takes, in units of sqrt(h / g); for a biped h
                 is the height at which it walks. Default: 2.5 of a trot, 1.8 of a short one and a
                 bound, 4 of a walk, 1.7 of a pace; of a biped 3.4 of a walk, 2.4 to 4 of a brisk

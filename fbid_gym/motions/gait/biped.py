@@ -46,6 +46,7 @@ class FlatFootGait(NamedTuple):
     sink: float  # m/s with which a foot lands
     trail: float  # share of its planned level velocity that a foot in the air is damped towards
     load: float  # N on a foot that count as contact
+    roll: float  # m, greatest, that the centre of pressure goes behind and ahead of a foot
     sole: np.ndarray  # (2,) m, half the length and half the width for the centre of pressure
     points: np.ndarray  # (P, 2) m, of that sole's corners from the foot's reference, ahead, left
     foot_of_point: np.ndarray  # (P,) int64
@@ -179,17 +180,22 @@ class Pattern(NamedTuple):
     start: float  # of the speed, greatest ahead that the first step is planned for
     moment: tuple[float, float]  # `Target.moment` that tilts the trunk, and that turns it
     width: float  # between the middles of the feet, of that at which soles all but touch
+    roll: float  # of half a sole, greatest that the centre of pressure goes to heel and toe
     lag: float  # by what share less than its planned velocity a foot in the air is damped towards
 
 
 PATTERNS = {
     "walk": Pattern(
-        WALK_CYCLE, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0
+        WALK_CYCLE, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0, 0.0
     ),
-    "brisk_walk": Pattern(None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.3),
+    "brisk_walk": Pattern(
+        None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.0, 0.3
+    ),
 }
-"""Slowly and upright; and in quick, narrow steps with bent legs, hardly any double support and a
-body that may pitch. The second goes twice as fast, sways less and falls less, see docs/v1.md."""
+PATTERNS["rolling_walk"] = PATTERNS["brisk_walk"]._replace(roll=0.9, lag=0.45)
+"""Slowly and upright; in quick, narrow steps with bent legs, hardly any double support and a body
+that may pitch; and the same with a centre of pressure that goes from heel to toe. The second goes
+twice as fast as the first, sways less and falls less, see docs/v1.md."""
 
 _LEAST, _MOST = 1.2, 2.0  # pendulum times a step, as quick as legs swing; slow steps err more
 _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
@@ -267,6 +273,7 @@ def biped_gait(
         sink=pattern.sink * speed,
         trail=1.0 - pattern.lag * haste**2,
         load=_LOAD * robot.weight,
+        roll=pattern.roll * SOLE * float(halves[0]),
         sole=SOLE * halves,
         points=SOLE * points,
         foot_of_point=geometry.foot_of_point,

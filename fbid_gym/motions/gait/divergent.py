@@ -6,7 +6,8 @@ divergent component of motion xi = c + cd / omega. The other one falls: xid = om
 (T. Takenaka et al., IROS 2009; J. Englsberger, C. Ott, A. Albu-Schäffer, IEEE T-RO 31(2), 2015).
 
 A step begins with a double support, in which p goes evenly from the foot behind to the foot ahead,
-and goes on with a single support on that foot. All lengths are along one horizontal axis.
+and goes on with a single support on that foot, where p stays or rolls evenly from heel to toe. All
+lengths are along one horizontal axis.
 """
 
 import math
@@ -24,18 +25,27 @@ class StepTiming(NamedTuple):
 
 
 @compiled
-def _spread(timing: StepTiming) -> float:
-    """Factor by which a double support lengthens a stride's effect on xi; 1 for none."""
-    return math.expm1(timing.omega * timing.double) / (timing.omega * timing.double)
+def fall(omega: float, xi: float, pressure: float, pressure_end: float, span: float) -> float:
+    """Return xi (m) after a span (s) in which p goes evenly from `pressure` to `pressure_end` (m).
+
+    Omega is in 1/s.
+    """
+    passed = omega * span
+    spread = math.expm1(passed) / passed if passed > 0.0 else 1.0
+    return pressure_end + (xi - pressure) * math.exp(passed) - (pressure_end - pressure) * spread
 
 
 @compiled
-def offset_ahead(timing: StepTiming, stride: float) -> float:
+def offset_ahead(timing: StepTiming, stride: float, roll: float) -> float:
     """Return how far xi is ahead of the foot (m) at the end of each double support.
 
-    That of the gait that repeats itself with every step `stride` (m) ahead of the last.
+    That of the gait that repeats itself with every step `stride` (m) ahead of the last, p going
+    from `roll` (m) behind a foot to as far ahead of it while it stands alone.
     """
-    return stride * _spread(timing) / math.expm1(timing.omega * (timing.double + timing.single))
+    # Linear in the offset that a step begins with; this is the rest.
+    landing = fall(timing.omega, 0.0, -roll, roll, timing.single)
+    rest = fall(timing.omega, landing - stride, roll - stride, -roll, timing.double)
+    return -rest / math.expm1(timing.omega * (timing.double + timing.single))
 
 
 @compiled
@@ -44,20 +54,21 @@ def offset_inward(timing: StepTiming, width: float) -> float:
 
     That of the gait that repeats itself with every second step, feet `width` (m) apart.
     """
-    growth = math.exp(timing.omega * (timing.double + timing.single))
-    return width * _spread(timing) / (growth + 1.0)
+    rest = fall(timing.omega, -width, -width, 0.0, timing.double)
+    return -rest / (math.exp(timing.omega * (timing.double + timing.single)) + 1.0)
 
 
 @compiled
-def stride_to_catch(timing: StepTiming, landing: float, offset: float) -> float:
+def stride_to_catch(timing: StepTiming, landing: float, offset: float, roll: float) -> float:
     """Return where to put the foot so that the double support ends with xi where it shall be.
 
-    All is in m: xi will be at `landing` from the standing foot when the other one lands, and shall
-    be at `offset` from the landed foot at the end of the double support. The result is from the
-    standing foot.
+    All is in m: xi will be at `landing` from the standing foot when the other one lands, p at
+    `roll`, and xi shall be at `offset` from the landed foot at the end of the double support, p at
+    -`roll`. The result is from the standing foot.
     """
     decay = math.exp(-timing.omega * timing.double)
-    return (landing - offset * decay) * timing.omega * timing.double / (1.0 - decay)
+    way = (landing - roll - (offset + roll) * decay) / (1.0 - decay)
+    return 2.0 * roll + way * timing.omega * timing.double
 
 
 @compiled

@@ -2,10 +2,11 @@
 
 Three phases: standing on both feet, double support on the way to the foot that will carry, and
 swing of the other one. A step begins when the foot in the air touches the ground; in it the centre
-of pressure goes to that foot. Balance is a law for the divergent component of motion xi
-(`divergent`): the centre of pressure departs from its plan by (1 + gain) times the error of xi, as
-far as the soles reach, and the next foothold corrects the rest. So the robot does not
-follow planned footprints: it steps where it must to go on with the commanded velocity.
+of pressure goes to that foot, and rolls from its heel to its toe if the gait has it so. Balance is
+a law for the divergent component of motion xi (`divergent`): the centre of pressure departs from
+its plan by (1 + gain) times the error of xi, as far as the soles reach, and the next foothold
+corrects the rest. So the robot does not follow planned footprints: it steps where it must to go on
+with the commanded velocity.
 
 Plans start from the present state: each double support takes xi and the centre of pressure as it
 finds them, so that starting, stepping and stopping are without jumps. A new velocity is approached
@@ -31,6 +32,7 @@ from fbid_gym.motions.gait.command import GaitCommand, approached, follow
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
+    fall,
     offset_ahead,
     offset_inward,
     stride_to_catch,
@@ -133,14 +135,30 @@ def _timing(gait: FlatFootGait, memory: FlatGaitMemory, i: int) -> StepTiming:
 
 
 @compiled
+def _roll(gait: FlatFootGait, timing: StepTiming, velocity: float) -> float:
+    """How far (m) the centre of pressure goes ahead of a foot, from as far behind it.
+
+    As it would to go as evenly as the robot, at m/s ahead, if the sole is long enough.
+    """
+    return min(max(0.5 * velocity * timing.single, -gait.roll), gait.roll)
+
+
+@compiled
+def _rolled(roll: float, timing: StepTiming, clock: float) -> float:
+    """How far (m) it is ahead of the foot after `clock` s in single support."""
+    return roll * (2.0 * min(clock / timing.single, 1.0) - 1.0)
+
+
+@compiled
 def _offset(gait: FlatFootGait, timing: StepTiming, velocity: Pair, foot: int) -> Pair:
     """Where xi shall be from a foot at the end of double support, along the heading."""
-    period = timing.double + timing.single
+    period, roll = timing.double + timing.single, _roll(gait, timing, velocity[0])
     # Sideways every second step is the longer one: the other one shall not come closer.
     width = gait.width + abs(velocity[1]) * period
     return (
-        offset_ahead(timing, velocity[0] * period),
-        offset_ahead(timing, velocity[1] * period) - gait.left[foot] * offset_inward(timing, width),
+        offset_ahead(timing, velocity[0] * period, roll),
+        offset_ahead(timing, velocity[1] * period, 0.0)
+        - gait.left[foot] * offset_inward(timing, width),
     )
 
 
@@ -258,12 +276,14 @@ def _balance(
     feet, carrier, phase = terms.foot_position[i], memory.carrier[i], memory.phase[i]
     offset = _offset(gait, timing, (memory.planned[i, 0], memory.planned[i, 1]), carrier)
     offset = in_world(axes, offset[0], offset[1])
+    roll = in_world(axes, _roll(gait, timing, memory.planned[i, 0]), 0.0)
+    passed = min(memory.clock[i], timing.single)
     error_x, error_y, wanted_x, wanted_y = 0.0, 0.0, 0.0, 0.0
     for axis in range(2):
         if phase == SWING:
-            plan = feet[carrier, axis]
-            grown = math.exp(gait.omega * min(memory.clock[i], timing.single))
-            xi_plan = plan + offset[axis] * grown
+            rolled = _rolled(roll[axis], timing, memory.clock[i])
+            xi_plan = fall(gait.omega, offset[axis], -roll[axis], rolled, passed)
+            xi_plan, plan = feet[carrier, axis] + xi_plan, feet[carrier, axis] + rolled
         else:
             if phase == STAND:
                 end = 0.5 * (feet[0, axis] + feet[1, axis])
@@ -271,6 +291,7 @@ def _balance(
             else:
                 end = feet[carrier, axis]
                 xi_end = end + offset[axis]
+                end -= roll[axis]
             xi_plan, plan = transfer(
                 gait.omega, memory.xi[i, axis], memory.begun[i, axis], xi_end, end,
                 memory.span[i], memory.clock[i],
@@ -319,15 +340,18 @@ def _find_foothold(
     stands, foothold = memory.touched[i, memory.carrier[i]], target.foothold[i, foot]
     # Of s left, those of the pace that it has had.
     left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
-    grown = math.exp(gait.omega * left)
+    roll = _roll(gait, timing, memory.planned[i, 0])
+    rolled = _rolled(roll, timing, memory.clock[i])
     x, y = along(axes, xi[0] - stands[0], xi[1] - stands[1])
-    x, y = (x - error[0]) * grown, (y - error[1]) * grown
-    # The feedback counts on half of the sole.
-    x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
+    x = fall(gait.omega, x - error[0], rolled, roll, left)
+    y = fall(gait.omega, y - error[1], 0.0, 0.0, left)
+    # The feedback counts on half of the sole that is left beyond the plan, to that side.
+    reach = 0.5 * (gait.sole[0] - math.copysign(1.0, error[0]) * 0.5 * (rolled + roll))
+    x += error_to_come(gait.omega, gait.gain, error[0], reach, left)
     y += error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
     wanted = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), foot)
-    x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, foot, 0]
-    y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, foot, 1]
+    x = stride_to_catch(timing, x, wanted[0], roll) + command.shift[i, foot, 0]
+    y = stride_to_catch(timing, y, wanted[1], 0.0) + command.shift[i, foot, 1]
     apart = gait.left[foot] * y
     near_x = min(max(x, -gait.longest), gait.longest)
     near = min(max(apart, gait.least_apart), gait.most_apart)

@@ -8,6 +8,7 @@ import pytest
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
+    fall,
     offset_ahead,
     offset_inward,
     stride_to_catch,
@@ -19,36 +20,55 @@ from fbid_gym.motions.gait.swing import lift_and_land
 TIMINGS = [StepTiming(3.8, 0.13, 0.4), StepTiming(3.2, 0.3, 0.35), StepTiming(5.0, 0.02, 0.6)]
 
 
-def fall(timing: StepTiming, xi: float, behind: float, ahead: float) -> float:
-    """Integrate xid = omega (xi - p) over a double support, p evenly from `behind` to `ahead`."""
+def integrated(omega: float, xi: float, behind: float, ahead: float, span: float) -> float:
+    """Integrate xid = omega (xi - p) over a span, p evenly from `behind` to `ahead`."""
     count = 20000
-    step = timing.double / count
     for i in range(count):
         pressure = behind + (ahead - behind) * (i + 0.5) / count
-        xi = pressure + (xi - pressure) * math.exp(timing.omega * step)
+        xi = pressure + (xi - pressure) * math.exp(omega * span / count)
     return xi
 
 
+@pytest.mark.parametrize("span", [0.0, 1e-9, 0.05, 0.4])
+def test_fall_obeys_the_pendulum(span):
+    found = fall(3.5, 0.11, -0.04, 0.07, span)
+    assert found == pytest.approx(integrated(3.5, 0.11, -0.04, 0.07, span), abs=1e-8)
+
+
 @pytest.mark.parametrize("timing", TIMINGS)
-def test_offset_ahead_repeats_with_every_step(timing):
-    stride, offset = 0.3, offset_ahead(timing, 0.3)
-    lifted = offset * math.exp(timing.omega * timing.single)
-    assert fall(timing, lifted, 0.0, stride) - stride == pytest.approx(offset, abs=1e-8)
+@pytest.mark.parametrize("roll", [0.0, 0.08, -0.05])
+def test_offset_ahead_repeats_with_every_step(timing, roll):
+    stride, offset = 0.3, offset_ahead(timing, 0.3, roll)
+    landed = integrated(timing.omega, offset, -roll, roll, timing.single)
+    behind, ahead = roll, stride - roll
+    again = integrated(timing.omega, landed, behind, ahead, timing.double) - stride
+    assert again == pytest.approx(offset, abs=1e-8)
+
+
+@pytest.mark.parametrize("timing", TIMINGS)
+def test_centre_of_mass_goes_evenly_where_pressure_rolls_with_it(timing):
+    velocity = 0.4
+    stride, roll = velocity * (timing.double + timing.single), 0.5 * velocity * timing.single
+    # Of an even motion xi is v / omega ahead of the centre of mass, which is above the pressure.
+    even = velocity / timing.omega - roll
+    assert offset_ahead(timing, stride, roll) == pytest.approx(even, abs=1e-12)
 
 
 @pytest.mark.parametrize("timing", TIMINGS)
 def test_offset_inward_repeats_on_the_other_foot(timing):
     width, offset = 0.2, offset_inward(timing, 0.2)
     landed = offset * math.exp(timing.omega * timing.single)
-    assert width - fall(timing, landed, 0.0, width) == pytest.approx(offset, abs=1e-8)
+    again = width - integrated(timing.omega, landed, 0.0, width, timing.double)
+    assert again == pytest.approx(offset, abs=1e-8)
 
 
 @pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize("landing", [-0.2, 0.0, 0.35])
-def test_caught_pendulum_is_where_it_shall_be(timing, landing):
+@pytest.mark.parametrize(("landing", "roll"), [(-0.2, 0.0), (0.0, 0.08), (0.35, -0.05)])
+def test_caught_pendulum_is_where_it_shall_be(timing, landing, roll):
     offset = 0.03
-    stride = stride_to_catch(timing, landing, offset)
-    assert fall(timing, landing, 0.0, stride) - stride == pytest.approx(offset, abs=1e-8)
+    stride = stride_to_catch(timing, landing, offset, roll)
+    found = integrated(timing.omega, landing, roll, stride - roll, timing.double) - stride
+    assert found == pytest.approx(offset, abs=1e-8)
 
 
 @pytest.mark.parametrize("error", [-0.2, -0.04, 0.0, 0.02, 0.09])

@@ -306,7 +306,8 @@ def test_velocities_are_gathered_at_the_agility_and_end_at_the_top(gait):
 
 def test_a_robot_four_times_as_long_walks_half_as_fast(gait):
     apart = ("least_apart", "most_apart")
-    lengths = ("height", "crouch", "width", *apart, "longest", "lift", "sole", "points")
+    lengths = ("height", "crouch", "width", *apart, "longest", "lift", "roll")
+    lengths += ("sole", "points")
     times = ("single", "double", "settle", "top", "start")  # velocities grow as times do
     large = gait._replace(
         sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),
