@@ -51,8 +51,8 @@ def test_walking_hardly_depends_on_the_rates(layer):
 
 
 def test_the_rows_are_all_that_a_robot_can():
-    """Four legs have five gaits, two have two; six legs stand, as there is no gait for them."""
-    gaits = "trot short_trot walk pace bound walk brisk_walk"
+    """Four legs have five gaits, two have three; six legs stand, as there is no gait for them."""
+    gaits = "trot short_trot walk pace bound walk brisk_walk rolling_walk"
     of = cases(ZeroActionConfig("walking", robots=("go1", "biped"), layers=("torque",)))
     assert " ".join(case.cells["gait"] for case in of) == gaits
     of = cases(ZeroActionConfig("zoo", robots=("0", "1"), layers=("joint_position",)))
