@@ -121,8 +121,8 @@ class Walk(Episode):
                 "rolling_walk", from heel to toe, up to 0.32. Default: "trot", "walk".
             gait_period: time that a cycle of the gait takes, in units of sqrt(h / g); for a biped h
                 is the height at which it walks. Default: 2.5 of a trot, 1.8 of a short one and a
-                bound, 4 of a walk, 1.7 of a pace; of a biped 3.4 of a walk, 2.4 to 4 of a brisk
-                one, as its joints are strong.
+                bound, 4 of a walk, 1.7 of a pace; of a biped 3.4 of a walk, 2.4 to 4 of the
+                others, as its joints are strong.
             integral_time: in which the gait makes up for a lasting error of the velocity, such as a
                 load's, in units of sqrt(h / g): it adds the error's integral, up to a tenth of
                 sqrt(g h), to the command. 0: it does not.

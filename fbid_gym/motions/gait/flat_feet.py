@@ -136,16 +136,16 @@ def _timing(gait: FlatFootGait, memory: FlatGaitMemory, i: int) -> StepTiming:
 
 @compiled
 def _roll(gait: FlatFootGait, timing: StepTiming, velocity: float) -> float:
-    """How far (m) the centre of pressure goes ahead of a foot, from as far behind it.
+    """How far (m) ahead of a foot the centre of pressure goes, from as far behind it.
 
-    As it would to go as evenly as the robot, at m/s ahead, if the sole is long enough.
+    With the robot, at `velocity` (m/s ahead), while the foot stands alone, or as the gait allows.
     """
     return min(max(0.5 * velocity * timing.single, -gait.roll), gait.roll)
 
 
 @compiled
 def _rolled(roll: float, timing: StepTiming, clock: float) -> float:
-    """How far (m) it is ahead of the foot after `clock` s in single support."""
+    """How far (m) ahead of the foot it is after `clock` s in single support."""
     return roll * (2.0 * min(clock / timing.single, 1.0) - 1.0)
 
 
