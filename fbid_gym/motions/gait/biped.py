@@ -195,7 +195,7 @@ PATTERNS = {
 PATTERNS["rolling_walk"] = PATTERNS["brisk_walk"]._replace(roll=0.9, lag=0.45)
 """Slowly and upright; in quick, narrow steps with bent legs, hardly any double support and a body
 that may pitch; and the same with a centre of pressure that goes from heel to toe. The second goes
-twice as fast as the first, sways less and falls less, see docs/v1.md."""
+twice as fast as the first, sways less and falls less, see docs/two_legs.md."""
 
 _LEAST, _MOST = 1.2, 2.0  # pendulum times a step, as quick as legs swing; slow steps err more
 _AGILITY = 0.4  # of gravity, greatest rate of the velocity aside and of the turning
