@@ -1,7 +1,6 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target, some_of
+from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import EnvConfig
@@ -23,24 +22,6 @@ from fbid_gym.runtime.given import checked_action, checked_command, clip
 from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.perception import Perception
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.task import Now
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What a layer would see of one robot if it were asked now; each in one row.
-
-    All are copies: whoever computes with them changes no robot.
-    """
-
-    action: np.ndarray  # (1, A) of the layer, the one that held last; zeros before the first
-    state: RobotState  # of the robot
-    target: Target  # what the task asks for
-    terms: DynamicsTerms  # of the controller's model
-    actual: DynamicsTerms  # of the robot itself
-    memory: Memory  # of the layer
-    # (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN before the first.
-    acceleration: np.ndarray
 
 
 class EnvBatch:
@@ -101,14 +82,14 @@ class EnvBatch:
         where = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*where, simulation.contact_force, self._tick)
         # As layer, gait and policy know it.
-        self._known = self._state if guess is None else guess
+        self.known = self._state if guess is None else guess
         self._effort = Effort.none(num_envs, self.robot.num_joints)
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config)
-        # At the beginning of the last policy step; only for those who look.
-        self._com_velocity = np.full((num_envs, 3), np.nan)
+        # (N, 3) m/s, at the beginning of the last policy step, NaN before the first; for `insight`.
+        self.com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
         measured = self.loop.measure(outcome)
@@ -162,7 +143,7 @@ class EnvBatch:
         self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
         self._tick[ids], self._effort.torque[ids] = 0, 0.0
         self.limits[ids] = self.num_steps if steps is None else steps
-        self._com_velocity[ids] = np.nan
+        self.com_velocity[ids] = np.nan
         for total in self._sums.values():
             total[ids] = 0.0
         self._begin(ids)
@@ -247,9 +228,9 @@ class EnvBatch:
     def _measures(self, outcome: Outcome) -> tuple[Any, Any]:
         """What reward and metrics are made of, and what the observation is: as controllers know."""
         actual = self.loop.measure(outcome)
-        if self._known is self._state:
+        if self.known is self._state:
             return actual, actual
-        believed = self.loop.believed(outcome, self._known, self.plant.terms())
+        believed = self.loop.believed(outcome, self.known, self.plant.terms())
         return actual, self.loop.measure(believed)
 
     def _judge(self, measured: Any) -> np.ndarray:
@@ -267,18 +248,18 @@ class EnvBatch:
 
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
-        self._look()
-        state, terms = self._known, self.plant.terms
+        self.look()
+        state, terms = self.known, self.plant.terms
         actual = terms if state is self._state else self.simulation.terms
         self._effort.begin()
-        self._com_velocity[:] = self.simulation.terms().com_velocity
+        self.com_velocity[:] = self.simulation.terms().com_velocity
         when = self._tick, self.rates.ticks, self.rates.control
         pushed = self.task.pushes.during(self._plan, *when)
         self.loop.send(action)
         for tick, push in enumerate(pushed.force):
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
-                self._look()
+                self.look()
             torque = self.loop.torque(tick, state, terms, actual)
             if self.perception is not None:
                 self.perception.estimator.prepare(terms)
@@ -304,7 +285,7 @@ class EnvBatch:
         tiles = self.terrain.tiles
         return {"terrain_kind": tiles.kind(self._state.qpos[:, :2])} if tiles.kinds.size else {}
 
-    def _look(self) -> None:
+    def look(self) -> None:
         """Note where the robots are, in arrays of our own; after a tick, the simulation does."""
         self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
 
@@ -324,34 +305,16 @@ class EnvBatch:
         home[:, :2] += self.terrain.starts[0]
         ground = self.terrain.height(home[:, 0], home[:, 1])
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
-        self._com_velocity[ids] = np.nan
+        self.com_velocity[ids] = np.nan
         self._begin(ids)
 
     def _begin(self, ids: np.ndarray) -> None:
         """Have robots `ids` (K,) estimate, forget and plan anew where they are."""
-        self._look()
+        self.look()
         if self.perception is not None:
             self.perception.begin(ids, self._state)
             self.simulation.note_change(ids)
         self.loop.begin(ids, some_of(self.plant.terms(), ids))
-
-    def moment(self, env: int) -> Moment:
-        """Return what the layer would see of one robot now, in copies."""
-        (action, steering, _), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
-        terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
-        self._look()
-        state, planned = some_of(self._known, only), saved.rows_of(self.loop.planned, only)
-        now = Now(state, lambda: terms, some_of(steering, only), planned, lambda: actual)
-        gained = actual.com_velocity[0] - self._com_velocity[env]
-        return Moment(
-            action=action[only],
-            state=state,
-            target=self.task.target(saved.rows_of(self._plan, only), now),
-            terms=terms,
-            actual=actual,
-            memory=saved.rows_of(self.loop.memory, only),
-            acceleration=gained * self.rates.policy,
-        )
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return all that the future depends on: physics, task, layer, generators.
@@ -406,5 +369,5 @@ class EnvBatch:
         self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
         self.limits[:] = state["limits"]
         self._observation = state["observation"].copy()
-        self._com_velocity[:] = np.nan
+        self.com_velocity[:] = np.nan
         self._rngs = [saved.unpacked(row) for row in state["generator"]]
