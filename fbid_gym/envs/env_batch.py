@@ -102,14 +102,11 @@ class EnvBatch:
         """The action layer."""
         return self.loop.layer
 
-    def seed(self, env: int, rng: np.random.Generator) -> None:
-        """Give one environment a random generator of its own, and begin its curriculum anew."""
-        self.draw_from(env, rng)
-        self._progress.begin(env)
-
-    def draw_from(self, env: int, rng: np.random.Generator) -> None:
-        """Give one environment a random generator of its own; its curriculum goes on."""
+    def seed(self, env: int, rng: np.random.Generator, *, anew: bool = True) -> None:
+        """Give one environment a random generator of its own; its curriculum begins `anew`."""
         self._rngs[env] = rng
+        if anew:
+            self._progress.begin(env)
 
     def reset(
         self,

@@ -122,10 +122,7 @@ class RobotEnv(Interface, gym.Env):
         asked = None if command is None else self.batch.check_command(command, 1)
         seed = checked_seed("seed", seed)
         super().reset(seed=seed)
-        if seed is None:
-            self.batch.draw_from(0, self.np_random)
-        else:
-            self.batch.seed(0, self.np_random)
+        self.batch.seed(0, self.np_random, anew=seed is not None)
         self.batch.reset(self._only, asked)
         self._begun = True
         if self.render_mode == "human":
