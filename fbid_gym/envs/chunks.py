@@ -78,16 +78,11 @@ class Chunks:
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
-        batch, local = self.locate(env)
-        batch.seed(local, rng)
-
-    def locate(self, env: int) -> tuple[EnvBatch, int]:
-        """Return the chunk that holds an environment, and its place there."""
         self.check_open()
         if not 0 <= env < self.num_envs:
             raise InvalidValueError("env", env, f"0 to {self.num_envs - 1}")
         chunk = bisect_right(self.slices, env, key=lambda part: part.start) - 1
-        return self.batches[chunk], env - self.slices[chunk].start
+        self.batches[chunk].seed(env - self.slices[chunk].start, rng)
 
     def reset(self, chosen: np.ndarray | None = None, command: Any = None) -> None:
         """Start new episodes where `chosen` (N,) is true; by default first ones, everywhere.

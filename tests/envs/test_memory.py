@@ -57,9 +57,9 @@ def test_robots_in_turn_leave_nothing() -> None:
     assert [robot() for robot in alive] == [None] * len(alive)
 
 
-def test_closed_environments_say_so() -> None:
+def test_closed_environments_say_so(rng: Any) -> None:
     chunks = Chunks(EnvConfig.of({"robot": "biped"}), 2, 1)
     chunks.close()
-    for ask in (chunks.observation, chunks.state_dict, lambda: chunks.locate(0)):
+    for ask in (chunks.observation, chunks.state_dict, lambda: chunks.seed(0, rng)):
         with pytest.raises(FbidError, match="These environments are closed: make others."):
             ask()
