@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from fbid_gym.checks import check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.insight import Insight
-from fbid_gym.options import check_fields, options_of
+from fbid_gym.options import check_fields
 
 
 @dataclass(frozen=True)
@@ -34,12 +33,6 @@ class RenderOptions:
     acceleration: bool = False
     """Acceleration of the body, above it: desired (red) by `base_acceleration` and `com_wrench`,
     achieved (green) in the last policy step. At most a robot long."""
-
-    @classmethod
-    def of(cls, arguments: dict[str, Any]) -> "RenderOptions":
-        """Build from keyword arguments, naming any that does not exist."""
-        check_choices("render option", arguments, options_of(cls))
-        return cls(**arguments)
 
     def __post_init__(self) -> None:
         """Check them."""

@@ -8,11 +8,12 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
-from fbid_gym.checks import by_name
+from fbid_gym.checks import check_choices
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.options import options_of
 from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offscreen
 from fbid_gym.runtime.config import Drawing
@@ -34,7 +35,9 @@ class RobotRenderer:
 
     def __init__(self, drawing: Drawing, robot: Robot) -> None:
         """Check options and camera; the window or the context appears with the first picture."""
-        self.shown = RenderOptions.of(by_name("render_options", drawing.render_options))
+        asked = drawing.render_options or {}
+        check_choices("render option", asked, options_of(RenderOptions))
+        self.shown = RenderOptions(**asked)
         self.mode, self._drawing = drawing.render_mode, drawing
         self._fixed = _camera(drawing, robot.model)
         self._size = 0.0  # m, of the robot, once there is one to draw

@@ -293,7 +293,8 @@ class EnvConfig:
 
     def randomisations(self) -> Randomisation:
         """Return what varies from robot to robot."""
-        return Randomisation.of(by_name("randomisation", self.randomisation))
+        known = options_of(Randomisation)
+        return Randomisation(**by_name("randomisation", self.randomisation, known))
 
     def perceived(self) -> Sensors | None:
         """Return the sensors of the robots; None where they are perfect."""

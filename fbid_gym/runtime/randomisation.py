@@ -1,10 +1,9 @@
 """How robots may differ from their MJCF, and the controller's model from both."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
-from fbid_gym.checks import check_choices
-from fbid_gym.options import Number, Pair, check_fields, options_of
+from fbid_gym.options import Number, Pair, check_fields
 
 Share = Annotated[float, Number(0.0, 0.99)]
 Offset = Annotated[float, Number(0.0, 1.0, "m")]
@@ -58,12 +57,6 @@ class Randomisation:
     """Model: (least, most) factor on the rotational inertias of all bodies alike."""
     model_com_ahead: Ahead = (0.0, 0.0)
     """Model: (least, most) m by which the base's centre of mass lies farther ahead."""
-
-    @classmethod
-    def of(cls, arguments: dict[str, Any]) -> "Randomisation":
-        """Build from keyword arguments, naming any that does not exist."""
-        check_choices("randomisation", arguments, options_of(cls))
-        return cls(**arguments)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
