@@ -48,9 +48,6 @@ from fbid_gym.tasks import (
 from fbid_gym.tasks.plan import Duration, Force, Interval, Jump, Noise
 from fbid_gym.tasks.reward import SCALE, WEIGHT
 
-STATES = ("estimated", "true")
-"""What controllers may know of the state."""
-
 _MOST_OF_PYRAMIDS = 10.0  # impratio
 _CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
@@ -78,7 +75,8 @@ class Drawing:
         """Check each value."""
         check_fields(self)
         by_name("render_options", self.render_options)
-        check_choices("default_camera_config", self.default_camera_config or {}, CAMERA)
+        camera = self.default_camera_config or {}
+        check_choices("default_camera_config", camera, ("distance", "azimuth", "elevation"))
 
     @classmethod
     def of(cls, arguments: Mapping[str, Any]) -> tuple["Drawing", dict[str, Any]]:
@@ -86,10 +84,6 @@ class Drawing:
         rest = dict(arguments)
         own = {name: rest.pop(name) for name in options_of(cls) if name in rest}
         return cls(**own), rest
-
-
-CAMERA = ("distance", "azimuth", "elevation")
-"""What `default_camera_config` may set."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +160,7 @@ class EnvConfig:
     sensors: Any = "perfect"
     """What robots measure of themselves with: "perfect", "good", "mems", "raw", or a table of
     options of `fbid_gym.estimation.Sensors`, such as {"like": "mems", "scale": 2}."""
-    state: Annotated[str, Choice(STATES)] | None = None
+    state: Annotated[str, Choice(("estimated", "true"))] | None = None
     """What layer, gait and policy know: "true", or "estimated" from the sensors. Default:
     "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
     truth."""
