@@ -13,7 +13,7 @@ from fbid_gym.envs.policy_step import Step
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, some_of
-from fbid_gym.robots.undrawn import alone, undrawn
+from fbid_gym.robots.undrawn import undrawn
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
@@ -45,7 +45,7 @@ class EnvBatch:
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
-        self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
+        self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         randomisation, sensors = config.randomisations(), config.perceived()
         self._tick = np.zeros(num_envs, np.int64)
         # Sensors and estimator; and what was changed of the robot's file, or is assumed beside it.

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 
 from fbid_gym.robots.measured import once_for_robot
@@ -33,9 +32,3 @@ def undrawn(robot: Robot) -> Robot:
         for name in _INERTIA
     )
     return replace(robot, spec=spec, model=model).made_by(undrawn, robot) if same else robot
-
-
-def alone(world: mujoco.MjModel) -> mujoco.MjModel:
-    """Spare a world of one robot the search for groups of bodies that do not touch; returns it."""
-    world.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-    return world

@@ -274,6 +274,8 @@ class EnvConfig:
         difficulty = None if self.curriculum else self.difficulty
         terrain, shared = _ground(robot, self.terrain, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
+        # There is one robot: no groups of bodies that do not touch have to be looked for.
+        world.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
         if robot.drives is not None:
             world.dof_damping[6 : robot.nv] = robot.drives.viscous
             world.dof_frictionloss[6 : robot.nv] = robot.drives.dry
