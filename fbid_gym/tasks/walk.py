@@ -29,7 +29,6 @@ lower by as much: H is then that of the walk.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -71,6 +70,7 @@ class Walk(Episode):
         interval: (least, most) s from one command to the next.
         ramp: (least, most) s that half of the commands take to come; (0, 0): all come at once.
         lowered: (least, most) m by which the base is lower than the gait has it, in an episode.
+        units: from the height of the centre of mass at home.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
         ground: tells its heights.
     """
@@ -80,6 +80,7 @@ class Walk(Episode):
     interval: tuple[float, float]
     ramp: tuple[float, float]
     lowered: tuple[float, float]
+    units: Units
     scan: np.ndarray
     ground: Ground
 
@@ -152,6 +153,7 @@ class Walk(Episode):
             interval=command_interval,
             ramp=command_ramp,
             lowered=lowered,
+            units=units,
             scan=SCAN * height if height_scan else np.zeros((0, 2)),
             ground=plane().heights,
         )
@@ -259,7 +261,7 @@ class Walk(Episode):
         """Return the measurements from which observation, reward and metrics are computed."""
         notes = Notes.of(memory)
         motion = measure_motion(
-            self._units,
+            self.units,
             self.body.stance.geometry.foot_of_point,
             outcome.state.qvel,
             outcome.terms,
@@ -268,7 +270,7 @@ class Walk(Episode):
             notes,
             notes.ground if outcome.estimated else notes.actual_ground,
         )
-        return WalkMeasures(outcome, self._units, notes, motion)
+        return WalkMeasures(outcome, self.units, notes, motion)
 
     def metrics(self, measured: WalkMeasures) -> dict[str, np.ndarray]:
         """Return physical quantities for evaluation, name -> (N,)."""
@@ -293,7 +295,7 @@ class Walk(Episode):
     @property
     def tolerance(self) -> float:
         """Error of the velocity, m/s, up to which a robot follows its commands."""
-        return _TOLERANCE * self._units.speed
+        return _TOLERANCE * self.units.speed
 
     def _foreseen(self, foothold: np.ndarray, now: Now) -> np.ndarray:
         """(N or 1, F) m, height of the ground at footholds (N, F, 3); NaN for the blind.
@@ -308,7 +310,3 @@ class Walk(Episode):
             return self.ground(foothold)
         places, above = in_place(foothold, now.terms(), now.actual())
         return self.ground(places) + above[:, None]
-
-    @cached_property
-    def _units(self) -> Units:
-        return Units.of(self.body.robot, float(self.body.stance.home_com[2]))
