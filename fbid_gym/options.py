@@ -44,11 +44,9 @@ class Kind(Protocol):
     @property
     def words(self) -> str:
         """In words, as in "a number from 0 to 1"."""
-        ...
 
     def check(self, name: str, value: Any) -> Any:
         """Return the value as the code behind takes it, or raise an FbidError that names it."""
-        ...
 
 
 @dataclass(frozen=True)
