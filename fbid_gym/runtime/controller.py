@@ -79,8 +79,8 @@ class Controller:
         self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(undrawn(self.robot))
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
         self.loop = ControlLoop(config, task, drawn, home, observer)
-        self.policy = policy or self._zero
-        self._zero_action = np.zeros((1, self.loop.num_actions))
+        zero = np.zeros((1, self.loop.num_actions))
+        self.policy = policy or (lambda observation: zero)
         self._effort = Effort.none(1, self.robot.num_joints)
         self._state: RobotState
         self._found: DynamicsTerms | None = None
@@ -279,6 +279,3 @@ class Controller:
         assert self._heights is not None
         told = self._heights(points[0, :, :2].copy())
         return finite_numbers("heights", told, points.shape[1:2])[None]
-
-    def _zero(self, observation: np.ndarray) -> np.ndarray:
-        return self._zero_action
