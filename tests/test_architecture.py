@@ -81,17 +81,17 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 549, "fbid_gym/control/whole_body.py": 661}  # to be split
 LINES = {
-    ".": 2313,
+    ".": 2311,
     "actions": 2966,
     "control": 4619,
     "dynamics": 1609,
-    "envs": 3414,
+    "envs": 3375,
     "estimation": 1965,
     "motions": 3696,
     "policy": 616,
-    "robots": 5464,
-    "runtime": 1829,
-    "tasks": 2204,
+    "robots": 5457,
+    "runtime": 1816,
+    "tasks": 2202,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
 TREES = {"tests": 29_204, "train": 5_289, "eval": 17_370, "eval/papers": 5_416}
