@@ -25,7 +25,7 @@ BREAKAGES += [("qpos", 9, np.nan, 3)]
 
 
 @pytest.mark.parametrize(
-    ("layer", "options", "field", "entry", "size", "when"), pairs(CASES, BREAKAGES)
+    ("layer", "options", "field", "entry", "size", "when"), pairs(CASES, BREAKAGES, 1)
 )
 def test_the_others_do_not_notice(
     layer, options, field, entry, size, when, rng, tmp_path, monkeypatch, capfd

@@ -11,6 +11,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.page import INFO, page
 from tests.batches import begun
+from tests.pairs import pairs
 
 
 @pytest.mark.parametrize("env_id", ENVIRONMENTS)
@@ -26,13 +27,11 @@ def test_a_page(env_id):
         assert len({line.count("|") for line in rows}) == 1, rows[0]
 
 
-def test_all_of_info_has_a_meaning():
-    for env_id in ("fbid_gym/BipedBalance-v0", "fbid_gym/BipedSquat-v0", "fbid_gym/BipedWalk-v0"):
-        for layer in LAYERS:
-            env = begun(env_id, action_layer=layer)
-            *_, info = env.step(0.0 * env.action_space.sample())
-            own = {name for name in info if not name.startswith("reward_")}
-            assert own <= INFO.keys(), layer
+@pytest.mark.parametrize(("layer", "task"), pairs(LAYERS, ["Balance", "Squat", "Walk"], 1))
+def test_all_of_info_has_a_meaning(layer, task):
+    env = begun(f"fbid_gym/Biped{task}-v0", action_layer=layer)
+    *_, info = env.step(0.0 * env.action_space.sample())
+    assert {name for name in info if not name.startswith("reward_")} <= INFO.keys()
 
 
 def test_the_page_of_arguments_is_current():

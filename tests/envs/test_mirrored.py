@@ -9,6 +9,7 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.mirrored import mirrored
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.runtime.config import EnvConfig
+from tests.pairs import pairs
 from tests.postures import in_mirror
 
 WALK = "QuadrupedWalk-v0"
@@ -71,8 +72,9 @@ def test_a_mirrored_episode_is_the_episode_in_the_mirror(env, layer, arguments, 
         assert step.reward[1] == pytest.approx(step.reward[0], rel=1e-7)
 
 
-@pytest.mark.parametrize("env", ["QuadrupedWalk-v1", "BipedWalk-v1", "HumanoidBalance-v0"])
-@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize(
+    ("layer", "env"), pairs(LAYERS, ["QuadrupedWalk-v1", "BipedWalk-v1", "HumanoidBalance-v0"], 1)
+)
 def test_all_layers_are_known_and_what_is_mirrored_twice_is_the_same(env, layer):
     for reflection in mirrored(batch_of(env, layer)):
         twice = np.arange(len(reflection.entry))

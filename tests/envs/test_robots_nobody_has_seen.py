@@ -42,8 +42,9 @@ def test_two_soles_stand_by_the_papers_law(seed):
     stand(seed, "base_acceleration", contact_limits="none")
 
 
-@pytest.mark.parametrize("layer", ["joint_position", "task_space_position"])
-@pytest.mark.parametrize("seed", LIGHT_FEET)
+@pytest.mark.parametrize(
+    ("seed", "layer"), pairs(LIGHT_FEET, ["joint_position", "task_space_position"], 1)
+)
 def test_kinematics_hold_a_robot_up(seed, layer):
     batch, _ = stand(seed, layer)
     home = batch.robot.home_qpos[2]

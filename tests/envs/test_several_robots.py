@@ -12,6 +12,7 @@ from fbid_gym.robots.built_in import BUILT_IN, asset_path
 from fbid_gym.robots.by_place import by_place
 from fbid_gym.runtime.config import EnvConfig
 from tests.batches import assert_same, begun, started
+from tests.pairs import pairs
 
 ENV = "fbid_gym/QuadrupedWalk-v0"
 BODY = {"observation": "body", "action_layer": "base_acceleration", "episode_seconds": 0.3}
@@ -70,8 +71,9 @@ def test_feet_in_another_order_are_seen_and_steered_alike() -> None:
         np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
 
 
-@pytest.mark.parametrize("robot", [*ROBOTS, "quadruped"])
-@pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench"])
+@pytest.mark.parametrize(
+    ("robot", "layer"), pairs([*ROBOTS, "quadruped"], ["base_acceleration", "com_wrench"], 1)
+)
 def test_units_are_the_robots_own(robot, layer) -> None:
     """Heights are from the gait's: a robot whose legs are straight at home walks lower."""
     own = {"robot": robot, "action_layer": layer, "layer_options": {"action_units": "robot"}}

@@ -10,6 +10,7 @@ from fbid_gym.robots import zoo
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
 from tests.batches import Watched, outcome_of, started, upright
+from tests.pairs import pairs
 
 LAYERS = ("base_acceleration", "com_wrench")
 WALKS = {"go1": "Quadruped", "biped": "Biped", "humanoid": "Humanoid"}
@@ -47,8 +48,7 @@ def test_robots_on_soles_walk_fast(robot):
     assert (gone[-1] - gone[3 * batch.rates.policy] > 0.7 * 4.0).all()
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize("robot", ["go1", "biped"])
+@pytest.mark.parametrize(("robot", "layer"), pairs(["go1", "biped"], LAYERS, 1))
 def test_robots_walk_as_much_lower_as_they_are_told(robot, layer):
     share = 0.9 * MOST_LOWERED
     batch = walking(robot, layer, 4, lowered_range=(share, share))
@@ -92,8 +92,7 @@ def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
     assert found.any() and not found.all()
 
 
-@pytest.mark.parametrize("seed", SPARE_JOINTS)
-@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize(("seed", "layer"), pairs(SPARE_JOINTS, LAYERS, 1))
 def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
     batch = walking("go1", layer, 4, robot=zoo.built(zoo.draw(seed)))
     home = batch.robot.home_qpos[7:]
@@ -102,11 +101,10 @@ def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
 
 
 @pytest.mark.parametrize(
-    ("robot", "options", "share"),
+    ("robot", "options", "share", "layer"),
     # In a trot two feet lift as two others land, and their ramps run at the same time.
-    [("biped", {}, 0.1), ("go1", {"contact_ramp": 0.048}, 0.15)],
+    pairs([("biped", {}, 0.1), ("go1", {"contact_ramp": 0.048}, 0.15)], LAYERS, 1),
 )
-@pytest.mark.parametrize("layer", LAYERS)
 def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, share, layer):
     batch = walking(robot, layer, 4, layer_options=options)
     batch.loop.layer = seen = Watched(batch.layer)

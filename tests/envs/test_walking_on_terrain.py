@@ -11,6 +11,7 @@ from fbid_gym.robots.terrain import LEVELLED, Tiles
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks.height_scan import SCAN
 from tests.batches import begun, outcome_of, started
+from tests.pairs import pairs
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0"
 
@@ -23,8 +24,7 @@ def still(batch: EnvBatch) -> np.ndarray:
     return np.zeros((batch.num_envs, len(batch.action_names)))
 
 
-@pytest.mark.parametrize("env", [QUADRUPED, BIPED])
-@pytest.mark.parametrize("terrain", LEVELLED)
+@pytest.mark.parametrize(("terrain", "env"), pairs(LEVELLED, [QUADRUPED, BIPED], 1))
 def test_robots_start_on_the_ground_not_in_it(env: str, terrain: str) -> None:
     batch = batch_of(env, terrain=terrain, difficulty=1.0)
     points = point_positions(contact_geometry(batch.robot), batch.simulation.terms())

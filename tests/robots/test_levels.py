@@ -6,6 +6,7 @@ import pytest
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import LEVELLED, NUM_LEVELS, Terrain, make_terrain
 from fbid_gym.robots.terrain.patches import CLEARING
+from tests.pairs import pairs
 
 ROBOTS = ("go1", "biped")
 
@@ -23,7 +24,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
     return load(request.param)
 
 
-@pytest.mark.parametrize("name", LEVELLED)
+@pytest.mark.parametrize(("name", "robot"), pairs(LEVELLED, ROBOTS, 1), indirect=["robot"])
 def test_difficulty_zero_is_level_and_more_is_rougher(name: str, robot: Robot) -> None:
     heights = []
     for difficulty in (0.0, 0.25, 0.5, 0.75, 1.0):
@@ -36,7 +37,7 @@ def test_difficulty_zero_is_level_and_more_is_rougher(name: str, robot: Robot) -
     assert (np.diff(highest) > 0.0).all()
 
 
-@pytest.mark.parametrize("name", LEVELLED)
+@pytest.mark.parametrize(("name", "robot"), pairs(LEVELLED, ROBOTS, 1), indirect=["robot"])
 def test_starts_are_level_and_far_from_the_end(name: str, robot: Robot) -> None:
     terrain = make_terrain(name, robot, difficulty=1.0, seed=2)
     angle, share = np.meshgrid(np.linspace(0, 2 * np.pi, 24), np.linspace(0, 1.0, 8))

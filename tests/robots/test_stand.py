@@ -7,6 +7,7 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
+from tests.pairs import pairs
 from tests.postures import points, posed
 from tests.robots.test_source_urdf import urdf
 
@@ -146,12 +147,17 @@ BALLS = "".join(
 )
 
 
-@pytest.mark.parametrize("feet", [BOX, BALLS])
+NAMED = ["left_foot", "right_foot"]
+
+
 @pytest.mark.parametrize(
-    ("knees", "tilt"), [("-0.1 2", 0.0), ("1.1 2", 0.0), ("-0.1 2", 0.6), ("0.4 2", -0.4)]
+    ("knees", "tilt", "feet", "named"),
+    pairs(
+        [("-0.1 2", 0.0), ("1.1 2", 0.0), ("-0.1 2", 0.6), ("0.4 2", -0.4)],
+        pairs([BOX, BALLS], [NAMED, None]),
+    ),
 )
-@pytest.mark.parametrize("named", [["left_foot", "right_foot"], None])
-def test_feet_stand_on_their_soles_however_they_are_tilted_before(named, knees, tilt, feet) -> None:
+def test_feet_stand_on_their_soles_however_they_are_tilted_before(knees, tilt, feet, named) -> None:
     joints = {"torque_limit": 100, "armature": 0.01}
     robot = Robot.from_mjcf(two_legs(feet, knees, tilt), named, home="stand", **joints)
     data = posed(robot)
@@ -170,14 +176,16 @@ ASSET = f'<asset><mesh name="sole" vertex="{VERTICES}"/></asset>'
 HEEL_TO_TOE = '<geom type="capsule" fromto="-0.07 0 -0.04 0.13 0 -0.04" size="0.02" mass="0.5"/>'
 
 
-@pytest.mark.parametrize(("feet", "length"), [(ROUND, 0.19), (HEEL_TO_TOE, 0.2), (BOX, 0.2)])
 @pytest.mark.parametrize(
-    ("knees", "tilt"), [("0 2", 0.0), ("0.2 2", 0.0), ("0.7 2", 0.0), ("0.35 2", 0.6)]
+    ("knees", "tilt", "feet", "length"),
+    pairs(
+        [("0 2", 0.0), ("0.2 2", 0.0), ("0.7 2", 0.0), ("0.35 2", 0.6)],
+        [(ROUND, 0.19), (HEEL_TO_TOE, 0.2), (BOX, 0.2)],
+    ),
 )
 def test_feet_stand_on_all_of_their_length(knees, tilt, feet, length) -> None:
     text = two_legs(feet, knees, tilt).replace("<worldbody>", f"{ASSET}<worldbody>")
-    named = ["left_foot", "right_foot"]
-    robot = Robot.from_mjcf(text, named, home="stand", torque_limit=100, armature=0.01)
+    robot = Robot.from_mjcf(text, NAMED, home="stand", torque_limit=100, armature=0.01)
     data = posed(robot)
     for foot in robot.feet:
         # A line's ends cannot be drawn tilted by more than it is told from where it touches.
@@ -190,8 +198,7 @@ def test_feet_stand_on_all_of_their_length(knees, tilt, feet, length) -> None:
 
 def test_a_foot_on_its_edge_is_told() -> None:
     pitched = {f"{side}_ankle": 0.3 for side in ("left", "right")}
-    feet = ["left_foot", "right_foot"]
-    robot = Robot.from_mjcf(two_legs(BOX), feet, home=pitched, torque_limit=100)
+    robot = Robot.from_mjcf(two_legs(BOX), NAMED, home=pitched, torque_limit=100)
     told = [line for line in robot.check() if "edge" in line]
     edge = "an edge at home: the flat side nearest to the ground is tilted by 17 degrees."
     assert told == [f"Foot '{side}_foot' stands on {edge}" for side in ("left", "right")]

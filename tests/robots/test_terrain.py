@@ -73,8 +73,7 @@ def test_planks_are_from_half_the_height_to_the_height() -> None:
     assert 0.02 <= found[found > 0].min() and found.max() <= 0.04
 
 
-@pytest.mark.parametrize("robot", ["biped", "quadruped"])
-@pytest.mark.parametrize("name", TERRAINS)
+@pytest.mark.parametrize(("name", "robot"), pairs(TERRAINS, ["biped", "quadruped"], 1))
 def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot: str) -> None:
     owner = load(robot)
     terrain = make_terrain(name, owner)

@@ -14,9 +14,9 @@ from fbid_gym.motions.gait.flat_feet import walk
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 from tests.motions.conftest import heading_of, hold_foot_rates
+from tests.pairs import pairs
 
 TICK = 0.004
-FLAT = ("biped", "humanoid")
 
 
 def turned(angle: np.ndarray) -> np.ndarray:
@@ -117,9 +117,9 @@ class Pendulums:
         return np.vecmat(vectors, turned(self.body)[:, :2, :2])
 
 
-@pytest.fixture(params=[(robot, name) for robot in FLAT for name in PATTERNS], ids="-".join)
+@pytest.fixture(params=pairs(PATTERNS, ["biped", "humanoid"], 1), ids="-".join)
 def gait(request):
-    robot, name = request.param
+    name, robot = request.param
     return biped_gait(robots.load(robot), name)
 
 
