@@ -104,13 +104,6 @@ def test_heat_is_bounded_and_lets_through_what_a_motor_bears_for_ever() -> None:
         assert cool.turn(2.9) == 2.9
 
 
-def test_torques_that_are_no_numbers_lose_one_robot() -> None:
-    joints = Joints(2, 2)
-    given = joints.turn([[np.nan, 1.0], [2.0, 1.0]])
-    np.testing.assert_array_equal(given, [[0.0, 0.0], [2.0, 1.0]])
-    np.testing.assert_array_equal(joints.effort.lost, [True, False])
-
-
 def test_torques_act_their_delay_later_and_no_impulse_is_lost(rng: np.random.Generator) -> None:
     loop, hertz = LoopDelay.of(3, 2, 250, 0.01), 250
     loop.begin(np.arange(3), np.array([0.0, 0.008, 0.005]))
