@@ -146,12 +146,6 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
 
 
 @pytest.fixture
-def policy():
-    """Make a policy of a given strength."""
-    return make_policy
-
-
-@pytest.fixture
 def run_folder(tmp_path):
     """Write a run folder: layer, seed and what differs in its configuration."""
 
@@ -160,9 +154,3 @@ def run_folder(tmp_path):
         return write_run(tmp_path / name, layer, seed, **changes)
 
     return build
-
-
-@pytest.fixture
-def stand_in():
-    """Make scalar stand-in environments."""
-    return StandIn

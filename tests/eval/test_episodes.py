@@ -1,6 +1,5 @@
 """Which episodes count, and what is counted in them, against a plain loop over one environment."""
 
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -9,13 +8,14 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from fbid_gym.errors import InvalidValueError
+from tests.eval.conftest import StandIn
 from train.episodes import play, shares
 
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
-def vector(stand_in: Callable[..., Any], count: int, mode: AutoresetMode) -> SyncVectorEnv:
-    return SyncVectorEnv([stand_in] * count, autoreset_mode=mode)
+def vector(count: int, mode: AutoresetMode) -> SyncVectorEnv:
+    return SyncVectorEnv([StandIn] * count, autoreset_mode=mode)
 
 
 def act(observation: np.ndarray) -> np.ndarray:
@@ -59,12 +59,12 @@ def by_hand(env: gym.Env[Any, Any], seed: int, episodes: int) -> list[dict[str, 
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(("count", "episodes"), [(1, 3), (4, 4), (3, 8), (5, 2)])
-def test_every_column_is_that_of_the_environment_alone(stand_in, mode, count, episodes):
-    played = play(vector(stand_in, count, mode), act, episodes, seed=40, step_seconds=0.1)
+def test_every_column_is_that_of_the_environment_alone(mode, count, episodes):
+    played = play(vector(count, mode), act, episodes, seed=40, step_seconds=0.1)
     expected = [
         result
         for i, share in enumerate(shares(episodes, count))
-        for result in by_hand(stand_in(), 40 + i, share)
+        for result in by_hand(StandIn(), 40 + i, share)
     ]
     assert len(played) == len(expected) == episodes
     for name in expected[0]:
@@ -82,23 +82,23 @@ def test_shares_are_even_and_complete():
             assert share.sum() == episodes and share.max() - share.min() <= 1
 
 
-def test_what_the_environment_does_not_report_is_nan(stand_in):
+def test_what_the_environment_does_not_report_is_nan():
     class Silent(gym.Wrapper):  # type: ignore[type-arg]
         def step(self, action: Any) -> Any:
             observation, reward, terminated, truncated, _ = self.env.step(action)
             return observation, reward, terminated, truncated, {}
 
-    envs = SyncVectorEnv([lambda: Silent(stand_in())])
+    envs = SyncVectorEnv([lambda: Silent(StandIn())])
     played = play(envs, act, 2, seed=0, step_seconds=0.1)
     assert np.isnan(played.slip).all() and np.isnan(played.torque).all()
     assert played.pushes.tolist() == [0, 0] and played.termination == ("", "")
     assert np.isfinite(played.returned).all()
 
 
-def test_refuses_what_it_cannot_count(stand_in):
-    envs = vector(stand_in, 2, AutoresetMode.NEXT_STEP)
+def test_refuses_what_it_cannot_count():
+    envs = vector(2, AutoresetMode.NEXT_STEP)
     with pytest.raises(InvalidValueError, match="Invalid episodes: 0. Expected a positive number"):
         play(envs, act, 0, seed=0, step_seconds=0.1)
-    envs = vector(stand_in, 2, AutoresetMode.DISABLED)
+    envs = vector(2, AutoresetMode.DISABLED)
     with pytest.raises(InvalidValueError, match="Expected NEXT_STEP or SAME_STEP"):
         play(envs, act, 2, seed=0, step_seconds=0.1)

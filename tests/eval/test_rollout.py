@@ -14,14 +14,13 @@ from eval.rollout import main
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.envs.overlays import EVERYTHING, LABELS, RenderOptions
 from fbid_gym.errors import FbidError
+from tests.eval.conftest import ENV_ID, make_policy
 from train.environments import make_env, make_envs
-
-ENV_ID = "eval_tests/StandIn-v0"
 
 
 @pytest.fixture
-def exported(tmp_path, policy):
-    policy(0.5).save(tmp_path / "policy")
+def exported(tmp_path):
+    make_policy(0.5).save(tmp_path / "policy")
     return str(tmp_path / "policy")
 
 
@@ -87,16 +86,13 @@ def test_videos_show_what_layers_see_unless_told_otherwise():
     assert legend(ENV_ID) == "" and all(word in legend(ours) for word in words.split())
 
 
-def test_a_module_is_imported_only_where_the_user_names_it(
-    exported, policy, tmp_path, monkeypatch, capsys
-):
+def test_a_module_is_imported_only_where_the_user_names_it(exported, tmp_path, monkeypatch, capsys):
     (tmp_path / "own_robots.py").write_text(
         "import gymnasium as gym\n"
         "from tests.eval.conftest import StandIn\n"
         "gym.register('own_robots/Mine-v0', entry_point=StandIn)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    policy(0.5).save(exported)
     data, tensors = load_bundle(Path(exported), FbidError)
     for env_id, message in (
         ("own_robots:own_robots/Mine-v0", "Expected the id alone of a registered environment"),
