@@ -20,10 +20,6 @@ HZ = 250
 GAIT = MotionKind(True, 6.0)
 
 
-def no_steering(robot):
-    return Steering(np.zeros((1, robot.num_feet, 2)), np.ones(1))
-
-
 def held(robot):
     """A robot held by a hand, with its weight on its feet."""
     qpos = robot.home_qpos[None].copy()
@@ -53,11 +49,12 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
     np.testing.assert_allclose(footholds.feet, scale)
     action = np.tile([0.1, -0.05], robot.num_feet)[None]
     shifted, _ = footholds.split(action)
+    still = Steering(np.zeros((1, robot.num_feet, 2)), np.ones(1))
     command, memory = np.array([[0.05, 0.0, 0.0]]), gait.memory(terms)
     compared = 0
     for _ in range(2 * HZ):
         copy = {key: value.copy() for key, value in memory.items()}
-        here = walked(gait, commanded(command, no_steering(robot)), terms, force, memory)
+        here = walked(gait, commanded(command, still), terms, force, memory)
         there = walked(gait, commanded(command, shifted), terms, force, copy)
         for foot in np.flatnonzero(~here.planted[0] & ~here.clipped[0] & ~there.clipped[0]):
             way = (there.foothold - here.foothold)[0, foot, :2]

@@ -112,13 +112,9 @@ def measured(rng, orientations):
     return target, {"com": com, "rotation": rotation, "mass": mass}
 
 
-def gains_of(rng):
-    return BalanceGains(*(symmetric(rng) for _ in range(4)))
-
-
 def test_eqs_36_38_and_39(rng, measured):
     target, state = measured
-    gains, mass = gains_of(rng), state["mass"][:, None]
+    gains, mass = BalanceGains(*(symmetric(rng) for _ in range(4))), state["mass"][:, None]
     velocity, spin, momentum = *rng.normal(size=(2, COUNT, 3)), rng.normal(size=(COUNT, 6))
     rates = {"com_velocity": velocity, "angular_velocity": spin}
     ott = desired_wrench_ott2011(gains, target, **rates, **state)

@@ -115,13 +115,6 @@ def random_states(
     return qpos, 2.0 * rng.normal(size=(count, model.nv))
 
 
-def integrate(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, time: float) -> np.ndarray:
-    """MuJoCo's configuration after moving with a constant generalized velocity."""
-    result = qpos.copy()
-    mujoco.mj_integratePos(model, result, qvel, time)
-    return result
-
-
 def relative_error(actual: np.ndarray, expected: np.ndarray) -> float:
     """Largest deviation, relative to the largest entry expected."""
     return float(np.abs(actual - expected).max() / max(np.abs(expected).max(), 1e-3))
@@ -137,7 +130,10 @@ def rate(
     robot: Robot, qpos: np.ndarray, qvel: np.ndarray, quantity: Callable[..., np.ndarray]
 ) -> np.ndarray:
     """Rate of quantity(qpos, qvel) at constant qvel, by differences of sixth order."""
-    step = 1e-3
-    path = [quantity(integrate(robot.model, qpos, qvel, k * step), qvel) for k in range(-3, 4)]
+    step, path = 1e-3, []
+    for k in range(-3, 4):
+        there = qpos.copy()
+        mujoco.mj_integratePos(robot.model, there, qvel, k * step)
+        path.append(quantity(there, qvel))
     weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
     return np.tensordot(weights, path, axes=1)

@@ -89,7 +89,8 @@ def test_other_robots_squat_and_step_over_their_feet(name):
         point, force = centre_of_pressure(motion, rows)
         assert force[:, 2].min() > 0.7 * robot.weight
         planted = motion.rows.planted[rows].repeat([foot.num_points for foot in robot.feet], axis=1)
-        points = _points(robot, motion.rows.qpos[rows])
+        terms = PinocchioDynamics(robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
+        points = point_positions(contact_geometry(robot), terms)
         for place, down, corners in zip(point, planted, points, strict=True):
             assert margin_within(corners[down, :2], place[:2]) > 0.0
 
@@ -104,9 +105,3 @@ def test_legs_that_are_none_are_refused():
     expected = "Leg 'left' .* about the axis to the side: left_hip_pitch. Expected"
     with pytest.raises(FbidError, match=expected):
         legs_of(sideways)
-
-
-def _points(robot: Robot, qpos: np.ndarray) -> np.ndarray:
-    """Contact points (K, P, 3) m of postures (K, nq)."""
-    terms = PinocchioDynamics(robot).terms(qpos, np.zeros((len(qpos), robot.nv)))
-    return point_positions(contact_geometry(robot), terms)

@@ -23,11 +23,6 @@ def scene(name, pendulum, count=1, height=0.0):
     return simulation, Bob(simulation, pendulum)
 
 
-def round_about(count):
-    angle = 2 * np.pi * np.arange(count) / count
-    return np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-
-
 def momentum_of(simulation):
     """(N, 3) kg m/s of the robots."""
     return simulation.robot.mass * simulation.terms().com_velocity
@@ -56,7 +51,8 @@ def test_energy_at_the_impact_and_momentum_exchanged(name):
     reach = 0.15 if name != "quadruped" else 0.05
     pendulum = Pendulum(mass=5.0 * scale, energy=ENERGY * scale, target_radius=reach)
     simulation, bob = scene(name, pendulum, 8, height=0.5)
-    direction = round_about(8)
+    angle = 2 * np.pi * np.arange(8) / 8
+    direction = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     energy = np.full(8, pendulum.energy)
     bob.swing(np.arange(8), direction, energy)
     start, before, met = pendulum.mass * bob.velocity, energy_of(bob, pendulum), False

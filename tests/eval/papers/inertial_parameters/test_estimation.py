@@ -48,12 +48,6 @@ def divergence(found):
     return np.trace(relative, axis1=1, axis2=2) - size - 4.0
 
 
-def residual_of(nominal, samples):
-    """Of the nominal model itself."""
-    regressor = InertialRegressor(nominal)
-    return regression(regressor, samples).residual(regressor.parameters())
-
-
 def everywhere(samples):
     """The same samples, with every point taken to carry force."""
     return samples._replace(active=np.ones_like(samples.active))
@@ -207,7 +201,9 @@ def test_joined_samples(samples):
 def test_base_parameters_come_back_exactly(nominal, true, exact, samples, rng):
     assert torque_error(true, nominal, rng) > 0.05
     assert torque_error(true, exact.model(), rng) < 1e-8
-    assert exact.residual < 1e-7 * residual_of(nominal, samples)
+    regressor = InertialRegressor(nominal)
+    own = regression(regressor, samples).residual(regressor.parameters())
+    assert exact.residual < 1e-7 * own
     assert exact.consistent
     assert exact.excitation.dimension == exact.excitation.attainable
 

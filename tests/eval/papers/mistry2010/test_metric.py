@@ -140,17 +140,12 @@ def test_without_a_metric_units_choose_the_torque(describe):
     assert (off > 0.1).all()
 
 
-def random_metrics(rng, count, size):
-    """(count, size, size) symmetric positive definite."""
-    factor = rng.normal(size=(count, size, size + 3))
-    return factor @ factor.mT / size
-
-
 def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(make_system, rng, contacts):
     """W = S B^-1 S^T for any B; and the correction of the command is B-orthogonal to motions."""
     system = make_system(contacts)
     count, nv = system.bias.shape
-    metric = random_metrics(rng, count, nv)
+    factor = rng.normal(size=(count, nv, nv + 3))
+    metric = factor @ factor.mT / nv  # symmetric, positive definite
     found = metric_inverse_dynamics(Equation(*system.law), metric)
     np.testing.assert_array_equal(found.rank, system.rank)
     np.testing.assert_array_equal(found.underactuation, system.underactuation)
