@@ -1,6 +1,6 @@
 """Two providers, one set of terms; and a nominal model that differs exactly as asked."""
 
-import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,15 +9,7 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
-from fbid_gym.robots.built_in import asset_path
-from tests.dynamics.models import (
-    GYMNASIUM,
-    RANDOM_FEET,
-    random_mjcf,
-    random_states,
-    relative_error,
-    robot_called,
-)
+from tests.dynamics.models import GYMNASIUM, random_states, relative_error, robot_called
 
 EXACT = 1e-9
 
@@ -48,57 +40,28 @@ def test_providers_agree(robot):
 # --- a nominal model that is off on purpose ------------------------------------------------------
 
 
-def edited_mjcf(text, scale, shift):
-    """The MJCF with some bodies' inertials changed in the text, as a user would write it."""
-    root = ElementTree.fromstring(text)
-    seen = set()
-    for body in root.iter("body"):
-        name = body.get("name")
-        inertial = body.find("inertial")
-        factor, offset = scale.get(name, 1.0), np.array(shift.get(name, (0.0, 0.0, 0.0)))
-        if factor == 1.0 and not offset.any():
-            continue
-        seen.add(name)
-        for key, change in (
-            ("mass", lambda x, factor=factor: factor * x),
-            ("diaginertia", lambda x, factor=factor: factor * x),
-            ("fullinertia", lambda x, factor=factor: factor * x),
-            ("pos", lambda x, offset=offset: x + offset),
-        ):
-            if inertial.get(key) is not None:
-                values = change(np.array(inertial.get(key).split(), dtype=float))
-                inertial.set(key, " ".join(f"{value:.17g}" for value in values))
-    assert seen == set(scale) | set(shift)
-    return ElementTree.tostring(root, encoding="unicode")
+def edited(robot, scale, shift):
+    """A robot with some bodies' inertials changed in its MJCF, as a user would write it."""
+    spec = robot.spec.copy()
+    for name, factor in scale.items():
+        body = spec.body(name)
+        body.mass *= factor
+        body.inertia, body.fullinertia = factor * body.inertia, factor * body.fullinertia
+    for name, offset in shift.items():
+        spec.body(name).ipos = spec.body(name).ipos + offset
+    return replace(robot, model=spec.compile())
 
 
-def bodies_with_inertial(text):
-    bodies = ElementTree.fromstring(text).iter("body")
-    return [body.get("name") for body in bodies if body.find("inertial") is not None]
-
-
-@pytest.fixture(scope="module", params=[*robots.ROBOTS, 11, 12])
-def nominal_case(request):
-    """A robot's MJCF text, the robot, and its feet."""
-    if isinstance(request.param, int):
-        text = random_mjcf(request.param)
-        return text, robots.Robot.from_mjcf(text, RANDOM_FEET), RANDOM_FEET
-    robot = robots.load(request.param)
-    feet = {foot.name: foot.point_names for foot in robot.feet}
-    return asset_path(f"{request.param}.xml").read_text(), robot, feet
-
-
-def test_nominal_model_is_the_edited_robot(nominal_case):
+@pytest.mark.parametrize("robot", [*robots.ROBOTS, 11, 12], indirect=True)
+def test_nominal_model_is_the_edited_robot(robot):
     """Scaled and shifted bodies give what MuJoCo gives for an MJCF written that way."""
-    text, robot, feet = nominal_case
-    names = bodies_with_inertial(text)
+    names = [body.name for body in robot.spec.bodies if body.explicitinertial]
     scale = {names[-1]: 1.7, names[-3]: 0.6}
     shift = {names[-3]: (0.02, -0.03, 0.05), names[-2]: (0.0, 0.04, 0.0)}
     before = robot.model.body_mass.copy(), robot.model.body_ipos.copy()
     states = random_states(robot.model, 3)
     actual = PinocchioDynamics(robot, mass_scale=scale, com_offset=shift).terms(*states)
-    edited = robots.Robot.from_mjcf(edited_mjcf(text, scale, shift), feet)
-    expected = MuJoCoDynamics(edited).terms(*states)
+    expected = MuJoCoDynamics(edited(robot, scale, shift)).terms(*states)
     assert_same_terms(actual, expected)
     unchanged = MuJoCoDynamics(robot).terms(*states)
     assert relative_error(actual.mass_matrix, unchanged.mass_matrix) > 1e-4
