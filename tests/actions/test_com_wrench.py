@@ -22,7 +22,7 @@ from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.robots import ROBOTS, load
 from tests.actions.cases import at_rest, home_of, layer_of, moving, torque_of
@@ -197,8 +197,6 @@ def test_pushed_robots_stay_up(robot, balancer):
 
 def test_bad_options_are_refused():
     robot = load("biped")
-    with pytest.raises(UnknownOptionError, match="Unknown balancer 'toro'. Valid choices: inverse"):
-        balancing(robot, "toro")
     with pytest.raises(InvalidValueError, match="Invalid velocity_gain: 1.0. Expected 0, or the"):
         balancing(robot, velocity_gain=1.0)
     with pytest.raises(InvalidValueError, match='"inverse_dynamics" on a gait: the papers balance'):
