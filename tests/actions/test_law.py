@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
 from fbid_gym.actions import make_layer
@@ -90,11 +91,10 @@ def rate_of(law, command, state, target, terms):
     return momentum_rate(law.robot, state, acceleration_of(law, command, state, target, terms))
 
 
-def level(target, angle=0.0):
+def level(target):
     """(3, 3) rotation to the heading of a target whose base is upright."""
-    heading = 2.0 * np.arctan2(target.qpos[0, 6], target.qpos[0, 3]) + angle
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    heading = 2.0 * np.arctan2(target.qpos[0, 6], target.qpos[0, 3])
+    return Rotation.from_euler("z", heading).as_matrix()
 
 
 def test_what_is_asked_of_the_body_is_what_it_does(robot, rng):

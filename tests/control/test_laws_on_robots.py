@@ -16,7 +16,7 @@ from fbid_gym import robots
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
-from fbid_gym.robots import Robot, zoo
+from fbid_gym.robots import zoo
 from tests.control.systems import forward
 
 ROBOTS = ("biped", "quadruped")
@@ -176,9 +176,7 @@ def test_torque_is_continuous_along_a_motion_where_q_is_not(name, pivoting):
 @pytest.mark.parametrize("base_priority", [1.0, 1e3])
 def test_what_limited_forces_give_is_what_is_promised(seed, base_priority):
     """M a + h = S^T tau + J^T lambda, though the contacts leave the body hardly a motion."""
-    animal, rng = zoo.draw(seed), np.random.default_rng(seed)
-    limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
-    robot = Robot.from_mjcf(zoo.mjcf(animal), animal.foot_names, torque_limit=limit)
+    robot, rng = zoo.built(zoo.draw(seed)), np.random.default_rng(seed)
     qpos = np.tile(robot.home_qpos, (32, 1))
     qpos[:, 7:] += rng.normal(0.0, 0.1, (32, robot.num_joints))
     qvel = rng.normal(0.0, 0.3, (32, robot.nv))

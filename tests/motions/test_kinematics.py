@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix, rotation_vector
+from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
 from fbid_gym.errors import FbidError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import (
@@ -16,6 +16,7 @@ from fbid_gym.motions.kinematics import (
 )
 from fbid_gym.motions.legs import legs_in_plane
 from fbid_gym.robots import load
+from tests.postures import turned
 
 HZ = 1000
 TIME = np.arange(150) / HZ
@@ -127,11 +128,8 @@ def test_what_is_seen_from_the_feet_does_not_depend_on_where_they_stand(biped):
     qvel, qacc = rng.normal(size=(2, 1, biped.nv))
     qpos = biped.home_qpos[None].copy()
     seen = seen_from_feet(biped, States(qpos, qvel, qacc))
-    yaw = 0.7
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    moved, fast, faster = qpos.copy(), qvel.copy(), qacc.copy()
-    moved[:, :3] = qpos[:, :3] @ turn.T + [3.0, -2.0, 0.4]
-    moved[:, 3:7] = matrix_to_quaternion(turn @ quaternion_to_matrix(qpos[:, 3:7]))
+    moved, turn = turned(qpos, 0.7, np.array([3.0, -2.0, 0.4]))
+    fast, faster = qvel.copy(), qacc.copy()
     fast[:, :3], faster[:, :3] = qvel[:, :3] @ turn.T, qacc[:, :3] @ turn.T
     again = seen_from_feet(biped, States(moved, fast, faster))
     for one, other in zip(seen[:6], again[:6], strict=True):

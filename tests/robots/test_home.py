@@ -2,12 +2,12 @@
 
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.robots import ROBOTS, Robot, load
+from tests.postures import posed
 from tests.robots.test_robot_errors import GOOD
 
 POSE = [0.3, -0.4]
@@ -23,12 +23,6 @@ def place(attributes: str) -> str:
     return GOOD.replace('name="trunk" pos="0 0 1"', f'name="trunk" {attributes}')
 
 
-def rotation(robot: Robot) -> np.ndarray:
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, robot.home_qpos[3:7])
-    return matrix.reshape(3, 3)
-
-
 @pytest.mark.parametrize("tilt", ["", "0 0.3 0", "0.2 -0.3 0", "0 1.2 0"])
 def test_place_and_heading_in_the_file_do_not_matter(tilt: str) -> None:
     """Turned about the vertical and moved, in a body or a keyframe, it is the same robot."""
@@ -40,11 +34,12 @@ def test_place_and_heading_in_the_file_do_not_matter(tilt: str) -> None:
         turned = place(spec.format('pos="0.4 -0.3 1"', " ".join([heading, level[1], level[0]])))
         moved = read(turned.replace('angle="radian"', HEADING_FIRST), home={})
         np.testing.assert_allclose(moved.home_qpos, plain.home_qpos, atol=1e-12)
-        assert abs(rotation(moved)[1, 0]) < 1e-12 < rotation(moved)[0, 0]
+        ahead = posed(moved).xmat[moved.base_body]
+        assert abs(ahead[3]) < 1e-12 < ahead[0]  # its x axis
         numbers = " ".join(f"{x:.17g}" for x in moved.model.qpos0)
         keyframe = KEYFRAME.format(f'qpos="{numbers}"')
-        posed = GOOD.replace("</mujoco>", keyframe)
-        for text, home in ((posed, None), (GOOD, moved.model.qpos0.tolist())):
+        keyed = GOOD.replace("</mujoco>", keyframe)
+        for text, home in ((keyed, None), (GOOD, moved.model.qpos0.tolist())):
             np.testing.assert_allclose(read(text, home=home).home_qpos, plain.home_qpos, atol=1e-9)
         np.testing.assert_allclose(Stance.of(moved).layout, Stance.of(plain).layout, atol=1e-12)
 

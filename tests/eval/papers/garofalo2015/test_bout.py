@@ -48,10 +48,7 @@ def test_inertia_about_standing_feet():
     """Against MuJoCo: turn the base with feet and centre of mass in place, sum up the bodies."""
     robot = load("humanoid")
     inertia = stance_rotation_inertia(robot)
-    model, data = robot.model, mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(model, data)
-    rows = []
+    model, data, rows = robot.model, posed(robot), []
     for foot in robot.feet:
         linear, angular = np.zeros((2, 3, robot.nv))
         mujoco.mj_jacBody(model, data, linear, angular, foot.body)
