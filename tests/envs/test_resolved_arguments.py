@@ -42,6 +42,7 @@ BASE = {"action_layer": "base_acceleration"}
         ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
         ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
         ("BipedStep-v0", {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}}),
+        ("QuadrupedTerrain-v0", {}),  # ground by difficulty
     ],
 )
 def test_what_is_resolved_is_the_same_environment(name, arguments):
@@ -61,12 +62,6 @@ def test_what_is_resolved_is_the_same_environment(name, arguments):
         found += [env.step(action)[0] for _ in range(20)]
         seen.append(found)
     np.testing.assert_allclose(*seen, atol=1e-5)
-
-
-def test_what_is_resolved_of_ground_by_difficulty_can_be_said():
-    name = "fbid_gym/QuadrupedTerrain-v0"
-    resolved = resolved_arguments(name, {})
-    assert resolved_arguments(name, resolved | {"layer_options": {}}) == resolved
 
 
 def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
