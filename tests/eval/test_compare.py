@@ -14,6 +14,7 @@ from eval.comparison import compare, film
 from eval.report import page
 from eval.results import Settings
 from eval.rollout import Player, play_player
+from tests.eval.conftest import ENV_ID, write_run
 from tests.eval.test_html import EVIL
 from train.episodes import METRICS
 from train.runs.command_line import parse
@@ -21,7 +22,6 @@ from train.runs.config import PPOConfig, TrainConfig
 from train.runs.reading import load
 from train.runs.tables import EVALUATIONS, read_rows, to_csv
 
-ENV_ID = "eval_tests/StandIn-v0"
 QUICK = Settings(episodes=6, samples=300, sweep=(1.0,), sweep_episodes=4, sweep_seconds=2.0)
 QUICK_ARGS = ["--episodes", "6", "--samples", "300", "--sweep", "1.0", "--sweep-episodes", "4"]
 
@@ -32,10 +32,11 @@ def words_of(html):
     return re.sub("[ \n]+", " ", words)
 
 
-@pytest.fixture
-def four_runs(run_folder):
-    return [run_folder(layer, seed) for layer in ("joint_position", "base_acceleration")
-            for seed in (0, 1)]  # fmt: skip
+@pytest.fixture(scope="module")
+def four_runs(tmp_path_factory):
+    folder, layers = tmp_path_factory.mktemp("four"), ("joint_position", "base_acceleration")
+    return [write_run(folder / f"{layer}-s{seed}", layer, seed)
+            for layer in layers for seed in (0, 1)]  # fmt: skip
 
 
 def test_the_page_stands_alone_and_holds_every_run(four_runs, tmp_path):

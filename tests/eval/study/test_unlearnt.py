@@ -50,10 +50,10 @@ def still():
     return zero_policy(WALK, (62, 12), action_layer="torque", episode_seconds=0.6)
 
 
-@pytest.fixture
-def played(still, tmp_path):
+@pytest.fixture(scope="module")
+def played(still, tmp_path_factory):
     """Two trainings: one stands by the zero action, the other thrashes; and the zero action."""
-    study = written(tmp_path, STUDY)
+    study = written(tmp_path_factory.mktemp("played"), STUDY)
     register(study.name, study.runs, study.endpoints)
     policies = still, replace(still, biases=(np.ones(12),))
     for cell, policy in zip(study.cells, policies, strict=True):
@@ -120,8 +120,8 @@ def test_it_stands_beside_the_trainings_everywhere(played, tmp_path):
     assert drawn(played).count("nothing") >= 2
     rows = list(csv.DictReader(io.StringIO(numbers(played))))
     assert [row["arm"] for row in rows] == ["learnt"] * 4 + ["nothing"]
-    out = tmp_path / "page.html"
-    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
+    out, folder = tmp_path / "page.html", played.runs.parent
+    config = StudyConfig(folder / "mine.toml", played.runs, out, video_seconds=0.0)
     assert main(config) == 0
     told = json.loads(out.with_suffix(".json").read_text())
     assert [arm["policy"] for arm in told["arms"]] == ["", "zero"]
