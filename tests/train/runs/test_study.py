@@ -57,7 +57,8 @@ def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_every_arm_can_take_a_step(path, tmp_path):
-    for config in {cell.arm: cell.config for cell in read_study(path, tmp_path).cells}.values():
+    configs = [cell.config for cell in read_study(path, tmp_path).cells]
+    for config in {repr((each.env, each.make_args())): each for each in configs}.values():
         envs = begun(config.env, 1, num_threads=1, **config.make_args())
         reward = envs.step(np.zeros(envs.action_space.shape))[1]
         envs.close()
