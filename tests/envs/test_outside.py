@@ -164,15 +164,11 @@ def test_specs_are_json_with_robots_and_numbers_of_ones_own():
         gym.make(spec)
 
 
-@pytest.fixture
-def mine():
-    gym.register("mine/Walk-v0", ENTRY_POINT, max_episode_steps=9, kwargs={"robot": "quadruped"},
+@pytest.mark.usefixtures("registries")
+def test_ids_of_users_are_taken_everywhere():
+    gym.register(mine := "mine/Walk-v0", ENTRY_POINT, max_episode_steps=9,
+                 kwargs={"robot": "quadruped"},
                  vector_entry_point="fbid_gym.envs.vector_env:RobotVectorEnv")  # fmt: skip
-    yield "mine/Walk-v0"
-    del gym.registry["mine/Walk-v0"]
-
-
-def test_ids_of_users_are_taken_everywhere(mine):
     one, many, sb3 = gym.make(mine), gym.make_vec(mine, num_envs=2), fbid_gym.make_sb3(mine, 2)
     assert sb3.chunks.batches[0].robot is load("quadruped")
     assert one.spec.max_episode_steps == many.spec.max_episode_steps == 9
