@@ -18,6 +18,7 @@ from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.robots import zoo
 from tests.control.systems import forward
+from tests.pairs import pairs
 
 ROBOTS = ("biped", "quadruped")
 
@@ -136,8 +137,7 @@ def largest_step(values: np.ndarray) -> float:
     return float(np.abs(np.diff(values, axis=0)).max())
 
 
-@pytest.mark.parametrize("pivoting", [False, True])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "pivoting"), pairs(ROBOTS, [False, True], 1))
 def test_torque_is_continuous_along_a_motion_where_q_is_not(name, pivoting):
     """[M10] III-B.6: Q jumps however small the step is; the torque's step shrinks with it.
 

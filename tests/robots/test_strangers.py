@@ -188,13 +188,13 @@ def ball(radius: float, faces: int) -> str:
 MESH_FOOT = '<geom type="mesh" mesh="sole" mass="1"/>'
 
 
-@pytest.mark.parametrize("faces", [16, 32])
 @pytest.mark.parametrize(
-    "shape",
+    ("shape", "faces"),
     [
-        MESH_FOOT,
-        '<geom type="capsule" size="0.02 0.01" euler="90 0 0" mass="1"/>',
-        '<geom type="cylinder" size="0.02 0.01" euler="90 0 0" mass="1"/>',
+        (MESH_FOOT, 16),
+        (MESH_FOOT, 32),
+        ('<geom type="capsule" size="0.02 0.01" euler="90 0 0" mass="1"/>', 16),
+        ('<geom type="cylinder" size="0.02 0.01" euler="90 0 0" mass="1"/>', 16),
     ],
 )
 def test_a_small_round_foot_is_one_sphere(shape: str, faces: int) -> None:

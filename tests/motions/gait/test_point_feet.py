@@ -17,6 +17,7 @@ from fbid_gym.robots import Robot, load
 from fbid_gym.robots.built_in import QUADRUPED
 from tests.dogs import dog
 from tests.motions.conftest import heading_of, hold_foot_rates
+from tests.pairs import pairs
 
 TICK = 0.002
 ROBOT = load("quadruped")
@@ -222,8 +223,10 @@ def test_footholds_are_clipped_within_reach_and_lie_on_the_ground_that_is_known(
     assert raised.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("velocity", [(0.2, 0.0, 0.0), (-0.1, 0.1, 0.0), (0.1, -0.05, 0.3)])
-@pytest.mark.parametrize("slope", [(0.25, 0.0), (-0.2, 0.15)])
+@pytest.mark.parametrize(
+    ("velocity", "slope"),
+    pairs([[0.2, 0.0, 0.0], [-0.1, 0.1, 0.0], [0.1, -0.05, 0.3]], [[0.25, 0.0], [-0.2, 0.15]], 1),
+)
 def test_feet_aim_at_the_plane_on_which_they_stood(slope, velocity):
     terms, steep = home(), np.linalg.norm(slope)
     feet = terms.foot_position.copy()
