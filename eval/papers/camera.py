@@ -20,25 +20,15 @@ from fbid_gym.robots.geoms import offscreen
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Draws states of one robot, from a point that follows its base.
+    """Draws states of one robot, from a point that follows its base."""
 
-    Attributes:
-        robot: what to draw.
-        width: of the pictures, pixels.
-        height: of the pictures, pixels.
-        azimuth: degrees.
-        elevation: degrees.
-        model: the world to draw it in; None for the robot's own.
-        nearer: how many times nearer than usual.
-    """
-
-    robot: Robot
-    width: int = 224
-    height: int = 300
-    azimuth: float = 140.0
-    elevation: float = -12.0
-    model: mujoco.MjModel | None = None
-    nearer: float = 1.25
+    robot: Robot  # what to draw
+    width: int = 224  # of the pictures, pixels
+    height: int = 300  # of the pictures, pixels
+    azimuth: float = 140.0  # degrees
+    elevation: float = -12.0  # degrees
+    model: mujoco.MjModel | None = None  # the world to draw it in; None for the robot's own
+    nearer: float = 1.25  # how many times nearer than usual
 
     def draw(self, states: Iterable[tuple[np.ndarray, np.ndarray, str]]) -> list[np.ndarray]:
         """Draw states: (nq,), the push (3,) N on the base, and what is written in the corner.

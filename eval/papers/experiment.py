@@ -65,54 +65,33 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """One number of a paper beside ours.
+    """One number of a paper beside ours."""
 
-    Attributes:
-        what: is measured.
-        paper: what the paper has.
-        ours: what came out here.
-        verdict: "met" or "missed" where ours has a target, else "shown".
-        target: what ours should be; empty without a target.
-    """
-
-    what: str
-    paper: str
-    ours: str
+    what: str  # is measured
+    paper: str  # what the paper has
+    ours: str  # what came out here
     verdict: Literal["met", "missed", "shown"] = "shown"
-    target: str = ""
+    """"met" or "missed" where ours has a target, else "shown"."""
+    target: str = ""  # what ours should be; empty without a target
 
 
 class Run(msgspec.Struct):
-    """What a run has left in `numbers.json`.
+    """What a run has left in `numbers.json`."""
 
-    Attributes:
-        findings: the paper's numbers beside ours.
-        numbers: all that was measured.
-        quick: whether this was the quick form.
-        seconds: that it took.
-    """
-
-    findings: list[Finding]
-    numbers: Numbers
-    quick: bool
-    seconds: float
+    findings: list[Finding]  # the paper's numbers beside ours
+    numbers: Numbers  # all that was measured
+    quick: bool  # whether this was the quick form
+    seconds: float  # that it took
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One figure or claim of a paper.
+    """One figure or claim of a paper."""
 
-    Attributes:
-        title: what it shows.
-        about: what was done, in one or two sentences.
-        minutes: that it takes, roughly; the longest are started first.
-        run: measures.
-    """
-
-    title: str
-    about: str
-    minutes: float
-    run: Callable[[Setting], Measured]
+    title: str  # what it shows
+    about: str  # what was done, in one or two sentences
+    minutes: float  # that it takes, roughly; the longest are started first
+    run: Callable[[Setting], Measured]  # measures
 
     @property
     def name(self) -> str:

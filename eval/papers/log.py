@@ -21,16 +21,11 @@ class Log:
         push: (T, N, 3) N on the base, of the tick.
 
     and what its plan, its controller's command and its controller's memory add.
-
-    Attributes:
-        time: (T,) s.
-        fell: (N,) s at which each robot was lost; NaN for those still up.
-        signals: name -> (T, N, ...).
     """
 
-    time: np.ndarray
-    fell: np.ndarray
-    signals: Mapping[str, np.ndarray]
+    time: np.ndarray  # (T,) s
+    fell: np.ndarray  # (N,) s at which each robot was lost; NaN for those still up
+    signals: Mapping[str, np.ndarray]  # name -> (T, N, ...)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return a signal."""

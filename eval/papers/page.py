@@ -11,19 +11,12 @@ from eval.papers.registry import Paper
 
 @dataclass(frozen=True)
 class Section:
-    """One experiment on the page.
+    """One experiment on the page."""
 
-    Attributes:
-        experiment: which.
-        run: what it has left; None where it did not run to the end.
-        body: HTML if it is Markup; what went wrong, if anything did.
-        command: that makes it.
-    """
-
-    experiment: Experiment
-    run: Run | None
-    body: str
-    command: str
+    experiment: Experiment  # which
+    run: Run | None  # what it has left; None where it did not run to the end
+    body: str  # HTML if it is Markup; what went wrong, if anything did
+    command: str  # that makes it
 
     @property
     def findings(self) -> list[Finding]:

@@ -27,17 +27,12 @@ Memory = dict[str, Any]
 
 
 class Wanted(NamedTuple):
-    """What the robots shall do on one tick.
+    """What the robots shall do on one tick."""
 
-    Attributes:
-        goal: as their controller takes it.
-        height: (N,) m, of the base above the lowest foot.
-        seen: returns what the log shall keep of it, arrays with a row per robot by name.
-    """
-
-    goal: Any
-    height: np.ndarray
+    goal: Any  # as their controller takes it
+    height: np.ndarray  # (N,) m, of the base above the lowest foot
     seen: Callable[[], dict[str, np.ndarray]]
+    """Returns what the log shall keep of it, arrays with a row per robot by name."""
 
 
 Plan = Callable[[Simulation, np.ndarray], Callable[[np.ndarray], Wanted]]
@@ -92,33 +87,24 @@ def pushed(start: np.ndarray, force: np.ndarray, seconds: float) -> Disturbance:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What happens to N robots, whoever controls them.
-
-    Attributes:
-        robot: the robot.
-        plan: what it shall do.
-        seconds: how long.
-        num_robots: N.
-        start: (N,) s into the plan at which each robot begins; None for its beginning.
-        world: compiled from `robot.spec` and what was added to it; None for the robot's own.
-        prepare: changes the simulated world before the robots are placed.
-        believe: by default the controller knows the robot.
-        disturb: by default nothing does.
-        every: control ticks from one logged tick to the next.
-        watch: entries of the controller's memory to log, each (N, ...).
-    """
+    """What happens to N robots, whoever controls them."""
 
     robot: Robot
-    plan: Plan
-    seconds: float
-    num_robots: int = 1
+    plan: Plan  # what it shall do
+    seconds: float  # how long
+    num_robots: int = 1  # N
     start: np.ndarray | None = None
+    """(N,) s into the plan at which each robot begins; None for its beginning."""
     world: mujoco.MjModel | None = None
+    """Compiled from `robot.spec` and what was added to it; None for the robot's own."""
     prepare: Callable[[Simulation], None] = lambda simulation: None
+    """Changes the simulated world before the robots are placed."""
     believe: Belief = lambda simulation: simulation.terms
+    """By default the controller knows the robot."""
     disturb: Disturbance = lambda simulation: lambda _: np.zeros((simulation.num_robots, 3))
-    every: int = 1
-    watch: tuple[str, ...] = ()
+    """By default nothing does."""
+    every: int = 1  # control ticks from one logged tick to the next
+    watch: tuple[str, ...] = ()  # entries of the controller's memory to log, each (N, ...)
 
 
 def simulate(trial: Trial, controller: Controller) -> Log:

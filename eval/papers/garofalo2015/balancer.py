@@ -45,15 +45,10 @@ _LIMITS = ContactLimits(friction=0.7)
 
 
 class BalancerCommand(NamedTuple):
-    """What a balancer wants and what it does on one tick.
+    """What a balancer wants and what it does on one tick."""
 
-    Attributes:
-        torque: (N, n) N·m, within the limits.
-        desired: (N, 6) N and N·m, wrench at the centre of mass.
-    """
-
-    torque: np.ndarray
-    desired: np.ndarray
+    torque: np.ndarray  # (N, n) N·m, within the limits
+    desired: np.ndarray  # (N, 6) N and N·m, wrench at the centre of mass
 
 
 class Balancer:

@@ -23,17 +23,12 @@ SETTLED = 0.1
 
 
 class Goal(NamedTuple):
-    """What the robots shall do on one tick.
+    """What the robots shall do on one tick."""
 
-    Attributes:
-        target: of centre of mass and base.
-        posture: (n,) or (N, n) rad, of the joints.
-        contact_rotation: (N, P, 3, 3) world from contact axes; None for level ground.
-    """
-
-    target: BalanceTarget
-    posture: np.ndarray
+    target: BalanceTarget  # of centre of mass and base
+    posture: np.ndarray  # (n,) or (N, n) rad, of the joints
     contact_rotation: np.ndarray | None = None
+    """(N, P, 3, 3) world from contact axes; None for level ground."""
 
 
 GoalAt = Callable[[float, DynamicsTerms], Goal]
@@ -85,17 +80,11 @@ def balancing(start: np.ndarray, goal: GoalAt | None = None) -> Plan:
 
 
 class Blow(NamedTuple):
-    """One blow of the pendulum for each robot.
+    """One blow of the pendulum for each robot."""
 
-    Attributes:
-        start: s.
-        direction: (N, 3) unit vectors, horizontal, in which the bob flies.
-        energy: (N,) J.
-    """
-
-    start: float
-    direction: np.ndarray
-    energy: np.ndarray
+    start: float  # s
+    direction: np.ndarray  # (N, 3) unit vectors, horizontal, in which the bob flies
+    energy: np.ndarray  # (N,) J
 
 
 def struck(pendulum: Pendulum, blow: Blow) -> Disturbance:

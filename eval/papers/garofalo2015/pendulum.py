@@ -45,22 +45,14 @@ class Pendulum(NamedTuple):
     bounces. [G15] says neither. The linear momentum that it measures, 14.5 kg m/s, is more than the
     13.2 kg m/s that the bob brings, so it bounced; 0.15 is the bounce that gives our humanoid this
     momentum. How long they touch hardly matters up to 50 ms.
-
-    Attributes:
-        mass: kg.
-        energy: J, at the impact.
-        radius: m, of the bob.
-        target_radius: m, of the sphere on the robot: half the width of the hips.
-        bounce: speed at which the two part over that at which they meet, 0.14 to 0.9.
-        contact_seconds: s from touch to parting.
     """
 
-    mass: float = 5.0
-    energy: float = 17.4
-    radius: float = 0.05
-    target_radius: float = 0.15
-    bounce: float = 0.15
-    contact_seconds: float = 0.02
+    mass: float = 5.0  # kg
+    energy: float = 17.4  # J, at the impact
+    radius: float = 0.05  # m, of the bob
+    target_radius: float = 0.15  # m, of the sphere on the robot: half the width of the hips
+    bounce: float = 0.15  # speed at which the two part over that at which they meet, 0.14 to 0.9
+    contact_seconds: float = 0.02  # s from touch to parting
 
     @property
     def solref(self) -> tuple[float, float]:

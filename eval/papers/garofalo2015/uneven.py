@@ -24,19 +24,12 @@ _ROUNDS, _POSTURE = 60, 0.004
 
 @dataclass(frozen=True)
 class Block:
-    """A block under the right foot; the left one stands on the floor.
+    """A block under the right foot; the left one stands on the floor."""
 
-    Attributes:
-        name: of the case.
-        height: m, of the block's top under the middle of the foot.
-        slope: rad, toes up.
-        bank: rad, outer edge down.
-    """
-
-    name: str
-    height: float = 0.0
-    slope: float = 0.0
-    bank: float = 0.0
+    name: str  # of the case
+    height: float = 0.0  # m, of the block's top under the middle of the foot
+    slope: float = 0.0  # rad, toes up
+    bank: float = 0.0  # rad, outer edge down
 
     @property
     def rotation(self) -> np.ndarray:

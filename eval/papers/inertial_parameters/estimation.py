@@ -51,23 +51,17 @@ _RANK_RTOL = 1e-6
 
 
 class Samples(NamedTuple):
-    """What was measured at N instants of a robot's motion; P contact points.
+    """What was measured at N instants of a robot's motion; P contact points."""
 
-    Attributes:
-        qpos: (N, nq) m, quaternion wxyz, rad.
-        qvel: (N, nv) m/s, rad/s; as everywhere, the angular part in the base's frame.
-        qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
-        torque: (N, n) N·m (N for slides), what the links feel: the motors' less the joints'
-            damping and friction.
-        active: (N, P) bool, contact points that may carry force, in the order of the robot's feet.
-            A point too many costs information, one too few costs the truth.
-    """
-
-    qpos: np.ndarray
-    qvel: np.ndarray
-    qacc: np.ndarray
+    qpos: np.ndarray  # (N, nq) m, quaternion wxyz, rad
+    qvel: np.ndarray  # (N, nv) m/s, rad/s; as everywhere, the angular part in the base's frame
+    qacc: np.ndarray  # (N, nv) m/s^2, rad/s^2, rate of qvel
     torque: np.ndarray
+    """(N, n) N·m (N for slides), what the links feel: the motors' less the joints' damping and
+    friction."""
     active: np.ndarray
+    """(N, P) bool, contact points that may carry force, in the order of the robot's feet. A point
+    too many costs information, one too few costs the truth."""
 
     @classmethod
     def joined(cls, parts: Sequence["Samples"]) -> "Samples":
@@ -76,21 +70,13 @@ class Samples(NamedTuple):
 
 
 class Regression(NamedTuple):
-    """All that samples say about p parameters: |matrix pi - target|^2 + rest^2 over `rows` rows.
+    """All that samples say about p parameters: |matrix pi - target|^2 + rest^2 over `rows` rows."""
 
-    Attributes:
-        matrix: (p, p).
-        target: (p,).
-        rest: what no parameters explain.
-        rows: number of projected equations.
-        square: sum of squares of their right-hand sides.
-    """
-
-    matrix: np.ndarray
-    target: np.ndarray
-    rest: float
-    rows: int
-    square: float
+    matrix: np.ndarray  # (p, p)
+    target: np.ndarray  # (p,)
+    rest: float  # what no parameters explain
+    rows: int  # number of projected equations
+    square: float  # sum of squares of their right-hand sides
 
     def residual(self, parameters: np.ndarray) -> float:
         """Root mean square error of the equations with the parameters (B, 10), N·m (N)."""
@@ -100,19 +86,13 @@ class Regression(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Inertial parameters found from data; B bodies.
+    """Inertial parameters found from data; B bodies."""
 
-    Attributes:
-        regressor: of the nominal robot.
-        parameters: (B, 10) estimates, see `eval.papers.inertial_parameters.inertia.PARAMETERS`.
-        residual: root mean square error of the projected equations, N·m (N).
-        excitation: what the data could tell.
-    """
-
-    regressor: InertialRegressor
+    regressor: InertialRegressor  # of the nominal robot
     parameters: np.ndarray
-    residual: float
-    excitation: Excitation
+    """(B, 10) estimates, see `eval.papers.inertial_parameters.inertia.PARAMETERS`."""
+    residual: float  # root mean square error of the projected equations, N·m (N)
+    excitation: Excitation  # what the data could tell
 
     @property
     def consistent(self) -> bool:

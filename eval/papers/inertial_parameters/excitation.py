@@ -57,29 +57,20 @@ def natural_steps(nominal: np.ndarray) -> np.ndarray:
 
 
 class Excitation(NamedTuple):
-    """What the data tell; p = 10 B parameters of B bodies. Names are "body parameter".
-
-    Attributes:
-        singular_values: (p,) what a unit step in each singular direction does to the projected
-            torques, relative to their root mean square; falling.
-        dimension: how many of them exceed the resolution: combinations that the data tell.
-        attainable: base parameters, the combinations that motion in the air could tell.
-        condition: ratio of the first to the last singular value that counts.
-        open_share: (B, 10) how much of each parameter by itself the data leave open: 0 if they tell
-            it alone, 1 if they tell nothing about it.
-        told: parameters that the data tell by themselves.
-        combined: those that they tell in combinations with others only.
-        untold: those about which they tell nothing: they stay nominal.
-    """
+    """What the data tell; p = 10 B parameters of B bodies. Names are "body parameter"."""
 
     singular_values: np.ndarray
-    dimension: int
-    attainable: int
-    condition: float
+    """(p,) what a unit step in each singular direction does to the projected torques, relative to
+    their root mean square; falling."""
+    dimension: int  # how many of them exceed the resolution: combinations that the data tell
+    attainable: int  # base parameters, the combinations that motion in the air could tell
+    condition: float  # ratio of the first to the last singular value that counts
     open_share: np.ndarray
-    told: tuple[str, ...]
-    combined: tuple[str, ...]
-    untold: tuple[str, ...]
+    """(B, 10) how much of each parameter by itself the data leave open: 0 if they tell it alone, 1
+    if they tell nothing about it."""
+    told: tuple[str, ...]  # parameters that the data tell by themselves
+    combined: tuple[str, ...]  # those that they tell in combinations with others only
+    untold: tuple[str, ...]  # those about which they tell nothing: they stay nominal
 
 
 def excitation_of(

@@ -61,15 +61,10 @@ def _turn(values: np.ndarray, pair: list[int], angle: np.ndarray) -> None:
 
 
 class SplitTorque(NamedTuple):
-    """Torques of N robots, by where they come from.
+    """Torques of N robots, by where they come from."""
 
-    Attributes:
-        feedforward: (N, n) N·m, from the model and the reference.
-        feedback: (N, n) N·m, from the tracking errors.
-    """
-
-    feedforward: np.ndarray
-    feedback: np.ndarray
+    feedforward: np.ndarray  # (N, n) N·m, from the model and the reference
+    feedback: np.ndarray  # (N, n) N·m, from the tracking errors
 
     @property
     def torque(self) -> np.ndarray:
@@ -78,15 +73,10 @@ class SplitTorque(NamedTuple):
 
 
 class PdGains(NamedTuple):
-    """Joint PD gains, K_P = I w^2 and K_D = 2 zeta I w; I is each joint's inertia in stance.
+    """Joint PD gains, K_P = I w^2 and K_D = 2 zeta I w; I is each joint's inertia in stance."""
 
-    Attributes:
-        stiffness: (n,) or (N, n) N·m/rad.
-        damping: the same shape, N·m·s/rad.
-    """
-
-    stiffness: np.ndarray
-    damping: np.ndarray
+    stiffness: np.ndarray  # (n,) or (N, n) N·m/rad
+    damping: np.ndarray  # the same shape, N·m·s/rad
 
     @classmethod
     def of(

@@ -51,16 +51,11 @@ class Exciting:
     """Motions of M stances, in turns: robot i does motion i modulo M; T ticks each, repeated.
 
     Unlike in other motions the base is that of a fixed world, in which the feet stand still.
-
-    Attributes:
-        states: (M, T, ...) of each stance.
-        planted: (M, F) bool.
-        hz: ticks per second.
     """
 
-    states: States
-    planted: np.ndarray
-    hz: int
+    states: States  # (M, T, ...) of each stance
+    planted: np.ndarray  # (M, F) bool
+    hz: int  # ticks per second
 
     @property
     def period(self) -> int:
@@ -208,23 +203,14 @@ def carrying_out(robot: Robot, base_hertz: float, joint_hertz: float) -> Desire:
 
 
 class Noise(NamedTuple):
-    """White noise of the sensors at every control tick, standard deviations.
+    """White noise of the sensors at every control tick, standard deviations."""
 
-    Attributes:
-        joint: rad.
-        joint_rate: rad/s.
-        tilt: rad, orientation of the base.
-        spin: rad/s, angular velocity of the base.
-        drift: m/s, linear velocity of the base.
-        torque: N·m.
-    """
-
-    joint: float = 2e-4
-    joint_rate: float = 1e-2
-    tilt: float = 1e-3
-    spin: float = 5e-3
-    drift: float = 1e-2
-    torque: float = 0.5
+    joint: float = 2e-4  # rad
+    joint_rate: float = 1e-2  # rad/s
+    tilt: float = 1e-3  # rad, orientation of the base
+    spin: float = 5e-3  # rad/s, angular velocity of the base
+    drift: float = 1e-2  # m/s, linear velocity of the base
+    torque: float = 0.5  # N·m
 
 
 NOISE = Noise()

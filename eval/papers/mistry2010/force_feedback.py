@@ -43,36 +43,22 @@ _RTOL = 1e-10
 
 
 class Equation(NamedTuple):
-    """The equation of motion of N robots with k rows of contacts: how every law's arguments begin.
+    """The equation of motion of N robots with k rows of contacts: how any law's arguments begin."""
 
-    Attributes:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contacts; its rows may repeat.
-        acceleration: (N, nv) desired; of these the laws here use the joint rows.
-        jacobian_bias: (N, k) Jdot v.
-    """
-
-    mass_matrix: np.ndarray
-    bias: np.ndarray
-    jacobian: np.ndarray
-    acceleration: np.ndarray
-    jacobian_bias: np.ndarray
+    mass_matrix: np.ndarray  # (N, nv, nv) M, symmetric positive definite
+    bias: np.ndarray  # (N, nv) h
+    jacobian: np.ndarray  # (N, k, nv) J of the contacts; its rows may repeat
+    acceleration: np.ndarray  # (N, nv) desired; of these the laws here use the joint rows
+    jacobian_bias: np.ndarray  # (N, k) Jdot v
 
 
 class KnownForces(NamedTuple):
-    """Torques, and what they rest on.
+    """Torques, and what they rest on."""
 
-    Attributes:
-        torque: (N, n) N·m.
-        contact_force: (N, k) generalized forces of the rows of J; the least in norm where rows are
-            redundant.
-        acceleration: (N, nv) the robot will have if these are the forces.
-    """
-
-    torque: np.ndarray
+    torque: np.ndarray  # (N, n) N·m
     contact_force: np.ndarray
-    acceleration: np.ndarray
+    """(N, k) generalized forces of the rows of J; the least in norm where rows are redundant."""
+    acceleration: np.ndarray  # (N, nv) the robot will have if these are the forces
 
 
 def contact_force_of_torque(equation: Equation, torque: np.ndarray) -> np.ndarray:

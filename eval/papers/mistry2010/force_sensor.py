@@ -21,18 +21,13 @@ class ForceSensor(NamedTuple):
     constant over a tick), and the result is reported some ticks late. The first measurement fills
     filter and delay, as if the force had been there for long. Through the filter noise keeps
     sqrt((1 - a) / (1 + a)) of its standard deviation, a = exp(-2 pi cutoff_hz / control_hz).
-
-    Attributes:
-        control_hz: control ticks per second; one measurement a tick.
-        noise: N, standard deviation of a raw sample.
-        cutoff_hz: Hz, of the continuous filter, 1 / (2 pi time constant); infinity for no filter.
-        delay: ticks, at least 0.
     """
 
-    control_hz: float
-    noise: float = 0.0
+    control_hz: float  # control ticks per second; one measurement a tick
+    noise: float = 0.0  # N, standard deviation of a raw sample
     cutoff_hz: float = math.inf
-    delay: int = 0
+    """Hz, of the continuous filter, 1 / (2 pi time constant); infinity for no filter."""
+    delay: int = 0  # ticks, at least 0
 
     @property
     def kept(self) -> float:

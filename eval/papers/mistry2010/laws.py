@@ -61,21 +61,13 @@ def planned_points(robot: Robot, reference: Target) -> np.ndarray:
 
 
 class Tick(NamedTuple):
-    """What a controller knows on one tick.
+    """What a controller knows on one tick."""
 
-    Attributes:
-        state: of the robots.
-        terms: their dynamics.
-        reference: that they shall follow.
-        active: (N, P) bool, the contact points that it counts on.
-        contacts: of these points.
-    """
-
-    state: RobotState
-    terms: DynamicsTerms
-    reference: Target
-    active: np.ndarray
-    contacts: ReducedContacts
+    state: RobotState  # of the robots
+    terms: DynamicsTerms  # their dynamics
+    reference: Target  # that they shall follow
+    active: np.ndarray  # (N, P) bool, the contact points that it counts on
+    contacts: ReducedContacts  # of these points
 
     def equation(self, acceleration: np.ndarray) -> Equation:
         """Return the equation of motion for accelerations (N, nv)."""
@@ -83,15 +75,12 @@ class Tick(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Inverse dynamics.
-
-    Attributes:
-        torque: from a desired acceleration (N, nv) to torques (N, n) N·m; may remember in memory.
-        memory: what the law remembers of N robots that have not moved yet.
-    """
+    """Inverse dynamics."""
 
     torque: Callable[[Tick, np.ndarray, Memory], np.ndarray]
+    """From a desired acceleration (N, nv) to torques (N, n) N·m; may remember in memory."""
     memory: Callable[[int], Memory] = lambda count: {}
+    """What the law remembers of N robots that have not moved yet."""
 
 
 def orthogonal(torque_cost: np.ndarray | None = None) -> Law:

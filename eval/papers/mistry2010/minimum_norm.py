@@ -33,23 +33,14 @@ _EDGES = 12
 
 
 class Problem(NamedTuple):
-    """Accelerations that are asked for at T states of a motion of the biped.
+    """Accelerations that are asked for at T states of a motion of the biped."""
 
-    Attributes:
-        asked: equation of motion with these accelerations.
-        achieved: the same with the nearest that the contacts allow.
-        force: (T, nv) generalized forces of these motions, M a + h.
-        least: (T, n) N·m of eq. (15).
-        point_map: (T, k, 3 P) from forces of the contact points to rows of contacts.
-        active: (T, P) bool, points that are planned to be down.
-    """
-
-    asked: Equation
-    achieved: Equation
-    force: np.ndarray
-    least: np.ndarray
-    point_map: np.ndarray
-    active: np.ndarray
+    asked: Equation  # equation of motion with these accelerations
+    achieved: Equation  # the same with the nearest that the contacts allow
+    force: np.ndarray  # (T, nv) generalized forces of these motions, M a + h
+    least: np.ndarray  # (T, n) N·m of eq. (15)
+    point_map: np.ndarray  # (T, k, 3 P) from forces of the contact points to rows of contacts
+    active: np.ndarray  # (T, P) bool, points that are planned to be down
 
 
 def problem_of(motion: MotionTable, every: int, size: float) -> Problem:
