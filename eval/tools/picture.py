@@ -9,13 +9,13 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import mujoco
 import numpy as np
 import tyro
 from PIL import Image
 
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, size_of
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Choice
@@ -56,20 +56,15 @@ def frame_of_push(robot: str, shown: RenderOptions) -> np.ndarray:
 
 def frame_of_ground(terrain: str) -> np.ndarray:
     """Draw a robot where it begins to walk, and the ground around it: (240, 320, 3) uint8."""
-    env = RobotEnv("go1", task="walk", terrain=terrain, difficulty=_DIFFICULTY)
+    away = size_of(Stance.of(load("go1"))) * (_FAR_AWAY if terrain == "mixed" else _AWAY)
+    place: dict[str, Any] = {"task": "walk", "terrain": terrain, "difficulty": _DIFFICULTY}
+    camera = {"distance": away, "elevation": -25.0}
+    drawn = {"width": 320, "height": 240, "default_camera_config": camera}
+    env = RobotEnv("go1", **place, render_mode="rgb_array", **drawn)
     env.reset(seed=_SEED)
-    batch = env.batch
-    model = batch.config.ground(batch.robot)[1]
-    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
-    data.qpos[:] = batch.simulation.qpos[0]
-    mujoco.mj_forward(model, data)
-    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, batch.robot.base_body
-    away = _FAR_AWAY if terrain == "mixed" else _AWAY
-    camera.distance = away * size_of(batch.task.body.stance)
-    camera.azimuth, camera.elevation = 140.0, -25.0
-    with mujoco.Renderer(model, height=240, width=320) as renderer:
-        renderer.update_scene(data, camera)
-        return np.asarray(renderer.render())
+    frame = np.asarray(env.render())
+    env.close()
+    return frame
 
 
 def in_rows(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
