@@ -9,7 +9,7 @@ episodes and the counters. A replay buffer is kept by `train.replay`.
 import random
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fbid_gym.bundles import Tensors, load_bundle, save_bundle
 from fbid_gym.checks import is_number
+from fbid_gym.envs.sb3 import SB3VecEnv
 from fbid_gym.errors import RunError
 from train.algorithms import ALGORITHMS
 from train.learner import moments, normaliser, robots
@@ -27,16 +28,6 @@ _MANY = 2**62
 _WORDS = 624  # of NumPy's Mersenne twister
 _TABLES = ("progress", "evaluations")
 _MISFIT = (KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
-
-
-class Resumable(Protocol):
-    """Methods that a VecEnv needs for exact resume."""
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Return the exact state of the batch: physics, task, layer, random generators."""
-
-    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
-        """Put that state back, on a batch that need not have been reset."""
 
 
 def save(file: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[str, Any]) -> None:
@@ -125,7 +116,7 @@ def _capture(algorithm: str, learner: BaseAlgorithm) -> tuple[Tensors, dict[str,
                 tensors[f"{optimiser}.{index}.{name}"] = value.detach().numpy()
     for name, own in ALGORITHMS[algorithm].arrays(learner).items():
         tensors[f"learner.{name}"] = own
-    for name, array in cast(Resumable, robots(learner)).state_dict().items():
+    for name, array in cast(SB3VecEnv, robots(learner)).state_dict().items():
         tensors[f"robots.{name}"] = np.asarray(array)
     state = {
         "steps": learner.num_timesteps,
@@ -184,7 +175,7 @@ def _put_back(
         {"r": float(r), "l": int(n)}
         for r, n in zip(tensors["episode_returns"], tensors["episode_lengths"], strict=True)
     )
-    cast(Resumable, robots(learner)).load_state_dict(_under(tensors, "robots"))
+    cast(SB3VecEnv, robots(learner)).load_state_dict(_under(tensors, "robots"))
 
     # The generators last: nothing above may draw from them afterwards.
     numpy_state = state["rng_numpy"]
