@@ -1,7 +1,7 @@
 """Speed of whole environments, by layer and by thread."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import Clock, in_turns, seconds_of
+from eval.tools.bench.timing import Clock, Measure, added, in_turns
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
@@ -37,18 +37,14 @@ def zero_action(space: gym.Space) -> np.ndarray:
     return np.zeros(space.shape, space.dtype)
 
 
-def _stretch(clock: Clock, env: str = BALANCE, **given: Any) -> Callable[[], float]:
+def _stretch(clock: Clock, env: str = BALANCE, **given: Any) -> Measure:
     """Seconds that zero actions take, from a reset that is not timed."""
     envs = gym.make_vec(env, **given)
     action = zero_action(envs.action_space)
-    return seconds_of(
-        lambda: [envs.step(action) for _ in range(STEPS)], clock, lambda: envs.reset(seed=0)
-    )
+    return added(lambda: envs.reset(seed=0), lambda: envs.step(action), STEPS, clock)
 
 
-def _physics_stretch(
-    clock: Clock, robot: str, num_envs: int, num_threads: int
-) -> Callable[[], float]:
+def _physics_stretch(clock: Clock, robot: str, num_envs: int, num_threads: int) -> Measure:
     """Seconds of as many physics steps, and nothing else, of robots held by constant torques."""
     rates, own = Rates(), load(robot)
     count, torque = num_envs // num_threads, holding_torque(own)[None]
@@ -64,11 +60,11 @@ def _physics_stretch(
         for _ in range(STEPS * rates.ticks):
             part.step(torque)
 
-    return seconds_of(lambda: list(pool.map(run, parts)), clock, place)
+    return added(place, lambda: list(pool.map(run, parts)), 1, clock)
 
 
 def _relative(
-    stretches: Mapping[str, Callable[[], float]],
+    stretches: Mapping[str, Measure],
     yardstick: Mapping[str, str],
     num_envs: int,
     rounds: int,
@@ -112,7 +108,7 @@ def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: 
     figures: list[Figure] = []
     for robot in robots:
         alone, clock = f"{robot}, physics alone", time.perf_counter
-        stretches: dict[str, Callable[[], float]] = {}
+        stretches: dict[str, Measure] = {}
         for threads in (1, 2):
             one = " 1" if threads == 1 else ""
             given: dict[str, Any] = {"robot": robot, "num_envs": num_envs, "num_threads": threads}

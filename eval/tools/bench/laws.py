@@ -1,12 +1,12 @@
 """Cost of the laws per control tick, relative to the physics steps that a tick drives."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import cycle
 
 import numpy as np
 
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import Timed, added, in_turns, timed_physics
+from eval.tools.bench.timing import Measure, Timed, added, in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.control import body_law
@@ -64,7 +64,7 @@ def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
     )
 
 
-def _standing(name: str, count: int) -> Callable[[], tuple[float, ...]]:
+def _standing(name: str, count: int) -> Measure:
     """Stand under the friction-limited law, and return the CPU seconds of `PARTS` in a round.
 
     Robots begin a round on their feet, moving a little; the laws take their turns in either order.

@@ -10,7 +10,7 @@ import numpy as np
 
 from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import Timed, added, in_turns, timed_physics
+from eval.tools.bench.timing import Measure, Timed, added, in_turns, timed_physics
 from eval.zero_actions.measures import begin
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.law import Law
@@ -61,11 +61,6 @@ CONTROLLER_TICKS = 100
 SINGLE_ROUNDS = 10
 """How much oftener a single robot is timed: its rounds are short, and noise does not average out
 over a batch."""
-
-
-Seconds = tuple[float, ...]
-Round = Callable[[], Seconds]
-"""Returns the seconds of what is measured, and of the physics."""
 
 
 def on_their_tasks(num_envs: int, rounds: int) -> Section:
@@ -157,7 +152,7 @@ def controller(names: list[str], rounds: int) -> Section:
     )
 
 
-def _ticks(name: str, told: str) -> Callable[[], tuple[float, float]]:
+def _ticks(name: str, told: str) -> Measure:
     """Seconds of a controller's tick: mean, and of those at which the policy acts; no physics."""
     made = Controller.load(f"shipped:{name}", sensors="mems" if told == "readings" else "perfect")
     robot, still = made.robot, np.zeros(3)
@@ -183,9 +178,12 @@ def _ticks(name: str, told: str) -> Callable[[], tuple[float, float]]:
 
 
 def _beside_physics(
-    cases: Cases, begin: Callable[[str, str, int], Round], steps: int, num_envs: int, rounds: int
+    cases: Cases, begin: Callable[[str, str, int], Measure], steps: int, num_envs: int, rounds: int
 ) -> tuple[Figure, ...]:
-    """Cost relative to the physics; beside it what that takes per robot and control tick."""
+    """Cost relative to the physics; beside it what that takes per robot and control tick.
+
+    What `begin` returns tells the seconds of what is measured, and of the physics.
+    """
     running = {case: begin(f"fbid_gym/{case[0]}", case[1], num_envs) for case in cases}
     found = in_turns(running, rounds)
     figures = []
@@ -197,7 +195,7 @@ def _beside_physics(
     return tuple(figures)
 
 
-def _one(robot: str, layer: str) -> Round:
+def _one(robot: str, layer: str) -> Measure:
     """All but the physics, and the physics, of one robot from a reset."""
     env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
     assert isinstance(env, RobotEnv)
@@ -209,7 +207,7 @@ def _one(robot: str, layer: str) -> Round:
     )
 
 
-def _task(env: str, layer: str, num_envs: int) -> Round:
+def _task(env: str, layer: str, num_envs: int) -> Measure:
     """A layer and the physics, timed apart, from a reset."""
     batch = EnvBatch(EnvConfig.of({**ENVIRONMENTS[env], "action_layer": layer}), num_envs)
     physics = timed_physics(batch.simulation)
@@ -217,7 +215,7 @@ def _task(env: str, layer: str, num_envs: int) -> Round:
     return _from_a_reset(batch, TASK_STEPS, lambda: (timed.seconds, physics.seconds))
 
 
-def _condition(env: str, part: str, num_envs: int) -> Round:
+def _condition(env: str, part: str, num_envs: int) -> Measure:
     """One of `CONDITIONS` and the physics, timed apart, from a reset."""
     own = {**ENVIRONMENTS[env], "action_layer": "base_acceleration", **CONDITIONS[part][0]}
     batch = EnvBatch(EnvConfig.of(own), num_envs)
@@ -264,13 +262,13 @@ class _Bounds:
         return found[self._law]
 
 
-def _from_a_reset(batch: EnvBatch, steps: int, spent: Callable[[], Seconds]) -> Round:
+def _from_a_reset(batch: EnvBatch, steps: int, spent: Measure) -> Measure:
     """What steps of a batch from a reset add to the seconds that are spent."""
     action = np.zeros((batch.num_envs, len(batch.action_names)))
     return added(lambda: begin(batch, 0), lambda: batch.step(action), steps, spent)
 
 
-def _walk(env: str, layer: str, num_envs: int) -> Round:
+def _walk(env: str, layer: str, num_envs: int) -> Measure:
     """All but the physics, and the physics, of robots that walk on."""
     envs = gym.make_vec(env, num_envs=num_envs, action_layer=layer, num_threads=1).unwrapped
     assert isinstance(envs, RobotVectorEnv)
@@ -278,7 +276,7 @@ def _walk(env: str, layer: str, num_envs: int) -> Round:
     action = zero_action(envs.action_space)
     envs.reset(seed=0)
 
-    def spent() -> Seconds:
+    def spent() -> tuple[float, float]:
         physics = sum(part.seconds for part in parts)
         return time.thread_time() - physics, physics
 

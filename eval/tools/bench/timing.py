@@ -5,6 +5,7 @@ from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fbid_gym.envs.simulation import Simulation
 
@@ -13,36 +14,21 @@ Clock = Callable[[], float]
 """Returns seconds: of the wall, or of this process (`time.process_time`) where all is on one
 thread, so that what else the machine does counts less."""
 
+Measure = Callable[[], ArrayLike]
+"""Returns a number, or k of them."""
 
-def in_turns(
-    measures: Mapping[Key, Callable[[], float | tuple[float, ...]]], rounds: int
-) -> dict[Key, np.ndarray]:
+
+def in_turns(measures: Mapping[Key, Measure], rounds: int) -> dict[Key, np.ndarray]:
     """Measure every case once a round; every other round runs the cases in reverse.
 
     Each measure is called once before the first round, too. Returns (rounds,) numbers for each
     name, or (rounds, k) where the measure returns k.
     """
-    found: dict[Key, list[float | tuple[float, ...]]] = {name: [] for name in measures}
+    found: dict[Key, list[ArrayLike]] = {name: [] for name in measures}
     for index in range(-1, rounds):
         for name in list(measures)[:: -1 if index % 2 else 1]:
             found[name].append(measures[name]())
     return {name: np.array(values[1:]) for name, values in found.items()}
-
-
-def seconds_of(
-    work: Callable[[], object],
-    clock: Clock = time.perf_counter,
-    before: Callable[[], object] = lambda: None,
-) -> Callable[[], float]:
-    """Return what does some work and returns its seconds; `before` is called ahead, untimed."""
-
-    def measure() -> float:
-        before()
-        start = clock()
-        work()
-        return clock() - start
-
-    return measure
 
 
 class Timed:
@@ -73,18 +59,15 @@ def timed_physics(simulation: Simulation, clock: Clock = time.process_time) -> T
 
 
 def added(
-    start: Callable[[], object],
-    step: Callable[[], object],
-    steps: int,
-    spent: Callable[[], tuple[float, ...]],
-) -> Callable[[], tuple[float, ...]]:
+    start: Callable[[], object], step: Callable[[], object], steps: int, spent: Measure
+) -> Measure:
     """Return what says how much a number of steps from a beginning add to what is spent."""
 
-    def run() -> tuple[float, ...]:
+    def run() -> ArrayLike:
         start()
         before = spent()
         for _ in range(steps):
             step()
-        return tuple(np.subtract(spent(), before).tolist())
+        return np.subtract(spent(), before)
 
     return run

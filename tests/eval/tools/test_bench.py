@@ -1,17 +1,19 @@
 """The benchmark's bookkeeping. What it measures is not tested: timings are no test."""
 
+import time
+
 import numpy as np
 
 from eval.tools.bench.environments import by_layer
 from eval.tools.bench.figures import Figure, Limit
-from eval.tools.bench.timing import Timed, in_turns, seconds_of
+from eval.tools.bench.timing import Timed, added, in_turns
 
 
 def test_cases_take_turns_in_alternating_order_after_one_warm_up():
     calls: list[str] = []
     measures = {
-        "a": seconds_of(lambda: calls.append("a")),
-        "b": seconds_of(lambda: calls.append("b"), before=lambda: calls.append("-")),
+        "a": added(lambda: None, lambda: calls.append("a"), 1, time.perf_counter),
+        "b": added(lambda: calls.append("-"), lambda: calls.append("b"), 1, time.perf_counter),
     }
     seconds = in_turns(measures, rounds=2)
     assert "".join(calls) in ("a-ba-b-ba", "-baa-b-ba")
