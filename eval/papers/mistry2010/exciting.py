@@ -55,7 +55,6 @@ class Exciting:
 
     states: States  # (M, T, ...) of each stance
     planted: np.ndarray  # (M, F) bool
-    hz: int  # ticks per second
 
     @property
     def period(self) -> int:
@@ -73,24 +72,21 @@ class Exciting:
         return planned_target(planted, *feet, body, body, body, *states)
 
 
-def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> Exciting:
+def exciting(robot: Robot, seconds: int, seed: int) -> Exciting:
     """Plan a motion for every stance.
 
     Args:
         robot: the biped.
         seconds: length of a period.
         seed: of the frequencies and phases.
-        hz: ticks per second.
     """
     rng = np.random.default_rng(seed)
-    planned = [_plan(robot, planted, seconds * hz, hz, rng) for planted in STANCES.values()]
+    planned = [_plan(robot, planted, seconds * RATES.control, rng) for planted in STANCES.values()]
     states = States(*(np.stack(parts) for parts in zip(*planned, strict=True)))
-    return Exciting(states, np.array(list(STANCES.values())), hz)
+    return Exciting(states, np.array(list(STANCES.values())))
 
 
-def _plan(
-    robot: Robot, planted: tuple[bool, bool], ticks: int, hz: int, rng: np.random.Generator
-) -> States:
+def _plan(robot: Robot, planted: tuple[bool, bool], ticks: int, rng: np.random.Generator) -> States:
     """Plan the motion of one stance: joints that keep its feet and its centre of mass in place."""
     standing, points = np.array(planted), home_points(robot)
     both = bool(standing.all())
@@ -98,7 +94,7 @@ def _plan(
     legs = [names.index(f"{side}_{name}") for side in robot.foot_names for name in _LEG]
 
     def waves(*sizes: float, hertz: float) -> np.ndarray:
-        return np.stack([_wave(rng, ticks, hz, size, hertz) for size in sizes], axis=1)
+        return np.stack([_wave(rng, ticks, size, hertz) for size in sizes], axis=1)
 
     guess = np.tile(robot.home_qpos[7:], (ticks, 1))
     others = [joint for joint in range(len(names)) if joint not in legs]
@@ -113,11 +109,11 @@ def _plan(
                 size = _TWIST if "roll" in name else _SWING
                 lift = _LIFT.get(name.removeprefix(f"{air}_"), 0.0)
                 swing[:, joint] = lift * (outwards if "roll" in name else 1.0)
-                swing[:, joint] += _wave(rng, ticks, hz, size, _JOINT_HZ)
+                swing[:, joint] += _wave(rng, ticks, size, _JOINT_HZ)
 
     base = np.zeros((ticks, 7))
     base[:, :3] = Stance.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
-    base[:, 2] += _wave(rng, ticks, hz, _HEIGHT, _BASE_HZ)
+    base[:, 2] += _wave(rng, ticks, _HEIGHT, _BASE_HZ)
     base[:, 3], base[:, 4:] = 1.0, waves(_TURN, _TURN, _TURN, hertz=_BASE_HZ) / 2
     base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
 
@@ -137,7 +133,7 @@ def _plan(
         qpos = posture(rows)
         com = dynamics.terms(qpos, np.zeros((len(qpos), robot.nv))).com
         base[:, :2] += _refined(wanted[rows] - com[:, :2], ticks)
-    joints = _periodic(posture(slice(None))[:, 7:], hz)
+    joints = _periodic(posture(slice(None))[:, 7:])
     return base_on_feet(robot, joints, points, np.tile(standing, (ticks, 1)))
 
 
@@ -152,9 +148,9 @@ def _on_home_feet(robot: Robot, qpos: np.ndarray, legs: list[int]) -> np.ndarray
     return joints_on_feet(robot, states, lambda *_: here, planted, legs, qpos[:, 7:]).qpos
 
 
-def _wave(rng: np.random.Generator, ticks: int, hz: int, size: float, hertz: float) -> np.ndarray:
+def _wave(rng: np.random.Generator, ticks: int, size: float, hertz: float) -> np.ndarray:
     """A sum of sinusoids (ticks,) up to a frequency; each repeats a whole number of times."""
-    seconds = ticks / hz
+    seconds = ticks / RATES.control
     cycles = rng.choice(np.arange(1, int(hertz * seconds) + 1), _SINES, replace=False)
     phase = rng.uniform(0.0, 2.0 * np.pi, _SINES)
     angle = 2.0 * np.pi * np.arange(ticks)[:, None] / ticks * cycles + phase
@@ -162,10 +158,10 @@ def _wave(rng: np.random.Generator, ticks: int, hz: int, size: float, hertz: flo
     return size * total / np.abs(total).max()
 
 
-def _periodic(values: np.ndarray, hz: int) -> Curve:
+def _periodic(values: np.ndarray) -> Curve:
     """Rates and accelerations of a smooth periodic motion (T, n), exact to rounding."""
     spectrum = np.fft.rfft(values, axis=0)
-    rate = 2j * np.pi * np.fft.rfftfreq(len(values), 1.0 / hz)[:, None]
+    rate = 2j * np.pi * np.fft.rfftfreq(len(values), 1.0 / RATES.control)[:, None]
     return Curve(
         values,
         np.fft.irfft(spectrum * rate, len(values), axis=0),
