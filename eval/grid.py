@@ -8,7 +8,6 @@ import io
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -112,8 +111,5 @@ def webp(frames: list[np.ndarray], fps: float, quality: int = 40) -> bytes:
 _ENCODE = {".webp": webp, ".mp4": encoded}
 
 
-main = partial(run_command, "eval.grid", GridConfig, run, about=__doc__)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command("eval.grid", GridConfig, run, about=__doc__))
