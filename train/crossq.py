@@ -5,9 +5,7 @@ python -m train.crossq --env fbid_gym/QuadrupedWalk-v0 --action-layer base_accel
 
 import sys
 
-from train.training import command_line, main
-
-__all__ = ["main"]
+from train.training import command_line
 
 if __name__ == "__main__":
     sys.exit(command_line("crossq"))

@@ -9,9 +9,7 @@ buffer beside the checkpoint.
 
 import sys
 
-from train.training import command_line, main
-
-__all__ = ["main"]
+from train.training import command_line
 
 if __name__ == "__main__":
     sys.exit(command_line("sac"))
