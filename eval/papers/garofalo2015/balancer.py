@@ -47,7 +47,7 @@ _LIMITS = ContactLimits(friction=0.7)
 class BalancerCommand(NamedTuple):
     """What a balancer wants and what it does on one tick."""
 
-    torque: np.ndarray  # (N, n) N·m, within the limits
+    torque: np.ndarray  # (N, n) N·m; applied within the limits
     desired: np.ndarray  # (N, 6) N and N·m, wrench at the centre of mass
 
 
@@ -116,8 +116,7 @@ class Balancer:
             warm_start=memory["warm_start"],
         )
         memory["warm_start"] = found.warm_start
-        torque = np.clip(found.torque, -robot.torque_limit, robot.torque_limit)
-        return BalancerCommand(torque, found.wrench_desired)
+        return BalancerCommand(found.torque, found.wrench_desired)
 
 
 def stance_angular_momentum(robot: Robot) -> np.ndarray:
