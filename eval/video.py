@@ -27,9 +27,9 @@ class Clip:
     ended: float | None
     """Time at which the robot fell or diverged, s. None if it reached the end of the clip."""
 
-    def mp4(self, quality: int = 27) -> bytes:
+    def mp4(self) -> bytes:
         """Encode as H.264, see `encoded`."""
-        return encoded(self.frames, self.fps, quality)
+        return encoded(self.frames, self.fps)
 
 
 def encoded(frames: list[np.ndarray], fps: float, quality: int = 27) -> bytes:

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from eval.page.figures import Series, panel
 from eval.papers.log import Log
-from eval.video import Clip, label
+from eval.video import encoded, label
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
 from fbid_gym.envs.rendering import DISTANCE, add_push
@@ -78,8 +78,7 @@ class Camera:
         qpos, push = log["qpos"][rows, 0], log["push"][rows, 0]
         told = zip(moments.tolist(), np.linalg.norm(push, axis=1).tolist(), strict=True)
         labels = [f"{moment:.1f} s" + f", {force:.0f} N" * (force > 0) for moment, force in told]
-        pictures = self.draw(zip(qpos, push, labels, strict=True))
-        return Clip(pictures, fps, push, None).mp4(30)
+        return encoded(self.draw(zip(qpos, push, labels, strict=True)), fps, quality=30)
 
 
 def logged(
