@@ -1,6 +1,6 @@
 """The interface of an algorithm to a training, and code that all algorithms share."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -62,6 +62,11 @@ def torch_threads(count: int) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def linear(modules: Iterable[torch.nn.Module]) -> list[torch.nn.Linear]:
+    """Return those that are linear layers."""
+    return [module for module in modules if isinstance(module, torch.nn.Linear)]
 
 
 def begin_at_zero(layer: torch.nn.Linear) -> None:

@@ -18,6 +18,7 @@ from train.algorithms.algorithm import (
     begin_at_zero,
     expected_return,
     learning_rate,
+    linear,
     torch_threads,
 )
 from train.algorithms.asymmetric import is_for_robots
@@ -47,7 +48,7 @@ def algorithm(make: Callable[..., Learner]) -> Algorithm:
         build=build,
         iterate=_iterate,
         metrics=tuple(_METRICS),
-        layers=_layers,
+        layers=lambda learner: linear([*learner.actor.latent_pi, learner.actor.mu]),
         output="tanh",
         optimisers=_optimisers,
         arrays=_arrays,
@@ -112,11 +113,6 @@ def _iterate(learner: Learner, config: TrainConfig, callback: BaseCallback) -> d
             found.append(dict(learner.logger.name_to_value))
     told = {name: [its[key] for its in found if key in its] for name, key in _METRICS.items()}
     return {name: float(np.mean(values)) for name, values in told.items() if values}
-
-
-def _layers(learner: Learner) -> list[torch.nn.Linear]:
-    modules = [*learner.actor.latent_pi, learner.actor.mu]
-    return [module for module in modules if isinstance(module, torch.nn.Linear)]
 
 
 def _optimisers(learner: Learner) -> dict[str, torch.optim.Optimizer]:

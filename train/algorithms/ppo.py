@@ -14,6 +14,7 @@ from train.algorithms.algorithm import (
     begin_at_zero,
     expected_return,
     learning_rate,
+    linear,
     torch_threads,
 )
 from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
@@ -73,17 +74,13 @@ def _iterate(learner: PPO, config: TrainConfig, callback: BaseCallback) -> dict[
     return {name: learner.logger.name_to_value[key] for name, key in _METRICS.items()}
 
 
-def _layers(learner: PPO) -> list[torch.nn.Linear]:
-    network = learner.policy
-    modules = [*network.mlp_extractor.policy_net, network.action_net]
-    return [module for module in modules if isinstance(module, torch.nn.Linear)]
-
-
 ALGORITHM = Algorithm(
     build=_build,
     iterate=_iterate,
     metrics=tuple(_METRICS),
-    layers=_layers,
+    layers=lambda learner: linear(
+        [*learner.policy.mlp_extractor.policy_net, learner.policy.action_net]
+    ),
     output="clip",
     optimisers=lambda learner: {"optimiser": learner.policy.optimizer},
     arrays=lambda learner: {},
