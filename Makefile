@@ -48,7 +48,7 @@ study: setup  ## Train what a study names, write its page (STUDY=studies/survey.
 test: setup  ## Run every test.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal $(ARGS)
 
-test-fast: setup  ## Run the tests that take less than ten seconds each.
+test-fast: setup  ## Run the tests that one runs while one writes: all but the long ones.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal -m "not slow" $(ARGS)
 
 check: setup  ## Lint, formatting, types.

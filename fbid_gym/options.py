@@ -14,7 +14,7 @@ lists them, for errors and for documentation. What says nothing is checked where
 import functools
 import inspect
 import types
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import (
     Annotated,
@@ -294,12 +294,16 @@ def check_call(name: str, build: Any, arguments: Sequence[str]) -> None:
         raise InvalidValueError(f"constructor of {name}", build, expected) from None
 
 
-def _keywords(build: Callable[..., Any]) -> Iterator[Option]:
-    for parameter in inspect.signature(build).parameters.values():
-        if parameter.kind is parameter.KEYWORD_ONLY:
-            yield _option(parameter.name, parameter.default, parameter.annotation)
+@functools.cache
+def _keywords(build: Callable[..., Any]) -> tuple[Option, ...]:
+    return tuple(
+        _option(parameter.name, parameter.default, parameter.annotation)
+        for parameter in inspect.signature(build).parameters.values()
+        if parameter.kind is parameter.KEYWORD_ONLY
+    )
 
 
+@functools.cache
 def _fields(kind: Any) -> tuple[Option, ...]:
     return tuple(_option(field.name, field.default, field.type) for field in fields(kind))
 

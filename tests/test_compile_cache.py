@@ -91,6 +91,7 @@ def forbid(folder: Path) -> str:
     return str(folder)
 
 
+@pytest.mark.slow
 def test_kernels_are_kept_until_what_they_call_changes(probe):
     assert run(probe) == (COLD, [])
     assert run(probe) == (WARM, [])

@@ -82,6 +82,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_without_compilation_everything_runs_in_python():
     """Compiled code reads and writes beyond the end of an array without a word; Python refuses."""
     command, python = [sys.executable, "-c", IN_PYTHON], os.environ | {"NUMBA_DISABLE_JIT": "1"}

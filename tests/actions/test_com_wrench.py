@@ -154,6 +154,7 @@ def test_feet_in_the_air_get_no_force(robot, states, balancer):
     assert (memory["residual"] > 0.5).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("env", "layer_options"),
     [
@@ -179,6 +180,7 @@ def test_zero_action_walks(env, layer_options):
 # --- robustness --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "balancer"),
     [

@@ -111,6 +111,7 @@ def played(robot: Robot, task: str, name: str, seconds: float, **options: Any) -
     return batch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["joint_position", *MODEL_BASED])
 def test_sprung_robots_stand_as_high_as_others(name):
     plain = animal()

@@ -45,6 +45,7 @@ def test_ankles_keep_most_bipeds_up(layer):
         assert staying(started(biped | {"layer_options": {"pendulum": False}}, 8)) <= 1
 
 
+@pytest.mark.slow
 def test_quick_steps_have_stiffer_joints():
     """By as much as they are quicker; as soft as in a slow walk a biped falls in a brisk one."""
     brisk = ENVIRONMENTS["fbid_gym/BipedWalk-v1"] | {"robot": "zoo:biped:5"}

@@ -101,6 +101,7 @@ def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, 
     return alive.mean(), info["layer_grip"][alive]
 
 
+@pytest.mark.slow
 def test_robots_on_slippery_ground_stay_up_by_it() -> None:
     """A trot with pushes on ground of 0.4 of its friction; by short steps on less."""
     good, noticed, unnoticed = walk_on(1.0, True), walk_on(0.4, True), walk_on(0.4, False)

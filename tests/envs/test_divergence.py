@@ -81,6 +81,7 @@ def test_each_interface_reports_it():
     assert (observation[1] != first[1]).any()
 
 
+@pytest.mark.slow
 def test_the_hardest_legal_actions_are_no_divergence(rng):
     """Full torque back and forth throws robots about, but that is a fall, not a breakdown."""
     for name in list(ENVIRONMENTS)[::3]:

@@ -173,6 +173,7 @@ def test_footholds_lie_where_feet_land():
 LAYERS_SEEN = ("base_acceleration", "com_wrench", "joint_position", "joint_acceleration")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "layer"), pairs([BIPED, "fbid_gym/QuadrupedTerrain-v0"], LAYERS_SEEN)
 )

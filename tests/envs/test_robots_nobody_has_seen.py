@@ -27,6 +27,7 @@ def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
     return batch, upright(batch, 5)[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "layer"), pairs(CHAINS, ["base_acceleration", "joint_acceleration"], 1)
 )
@@ -37,11 +38,13 @@ def test_closed_chains_stand(seed, layer):
     assert step.info["layer_residual"].max() < (0.5 if layer == "base_acceleration" else 5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", TWO_SOLES)
 def test_two_soles_stand_by_the_papers_law(seed):
     stand(seed, "base_acceleration", contact_limits="none")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "layer"), pairs(LIGHT_FEET, ["joint_position", "task_space_position"], 1)
 )

@@ -47,6 +47,7 @@ def margins(points: np.ndarray, planted: np.ndarray, inside: np.ndarray) -> np.n
     return np.array([margin_within(feet[down], point) for feet, down, point in each])
 
 
+@pytest.mark.slow
 def test_planted_feet_neither_move_nor_accelerate(any_walk):
     for table in (any_walk.tables[0], any_walk.tables[-1]):
         hold_laws(table, np.arange(0, table.period, 9))

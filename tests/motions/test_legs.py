@@ -74,6 +74,7 @@ def test_similar_robots_move_alike_each_in_its_own_time():
         np.testing.assert_allclose(rows.qpos[:same, 7:], expected.qpos[:same, 7:], atol=2e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["humanoid", "g1"])
 def test_other_robots_squat_and_step_over_their_feet(name):
     robot = load(name)

@@ -33,6 +33,7 @@ def quiet(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
         monkeypatch.setattr("fbid_gym.robots.__main__.verdict", lambda robot: [])
 
 
+@pytest.mark.slow
 def test_a_verdict_by_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """go1 does both in every layer; with hips too weak to hold it, it falls and that is told."""
     assert main(["go1", "--picture", str(tmp_path / "go1.png")]) == 0

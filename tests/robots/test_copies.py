@@ -79,6 +79,7 @@ def test_environments_of_own_robots_can_be_made_again() -> None:
         np.testing.assert_array_equal(again, first)
 
 
+@pytest.mark.slow
 def test_environments_of_own_robots_run_in_processes_of_their_own() -> None:
     vector = pytest.importorskip("stable_baselines3.common.vec_env")
     make_mine = partial(make, an_own_robot())  # pickled with it

@@ -129,6 +129,7 @@ def on_soles(animal: zoo.Morphology, sole: str) -> str:
     return box.sub(lambda foot: feet.format(*[float(foot[1]) / each, foot[2]] * each), text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "sole"), pairs(SEEDS[::2], ("mesh", "spheres"), 1))
 def test_soles_of_other_shapes_stand_like_boxes(seed: int, sole: str) -> None:
     """On the same four corners, and so in the same pose."""

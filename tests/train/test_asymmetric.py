@@ -49,6 +49,7 @@ def test_a_run_exports_the_actor_alone(tmp_path: Path) -> None:
     policy.check(observation_size=len(observation))
 
 
+@pytest.mark.slow
 def test_killed_and_resumed_is_the_same_run(tmp_path: Path) -> None:
     changes = {"env": ENV, "action_layer": "joint_position", "env_args": ROBOT, "num_threads": 1}
     stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)

@@ -62,6 +62,7 @@ def test_run_folder_is_that_of_ppo_with_the_replay_buffer(straight, algorithm):
     assert run.layer == f"force, {algorithm.upper()}" and run.policy.output == "tanh"
 
 
+@pytest.mark.slow
 def test_killed_twice_and_resumed_is_the_same_run(straight, algorithm, tmp_path):
     """Once before anything is learnt, once when the buffer is full; files are left behind."""
     stand_in.train_and_die(tmp_path, 16 * 2 + 3, algorithm=algorithm)
@@ -78,6 +79,7 @@ def test_killed_twice_and_resumed_is_the_same_run(straight, algorithm, tmp_path)
     assert files == {path.name for path in (straight / "replay").iterdir()}
 
 
+@pytest.mark.slow
 def test_training_learns(tmp_path, algorithm):
     own = CONFIGS[algorithm](
         n_steps=16, gradient_steps=2, batch_size=64, learning_starts=256, policy_starts=512,

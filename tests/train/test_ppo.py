@@ -44,6 +44,7 @@ def test_policies_are_those_of_the_end_and_of_the_best_evaluation(straight):
     assert policy.env_args == {"action_layer": "force"}
 
 
+@pytest.mark.slow
 def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
     """Once in the fourth iteration, two steps after a checkpoint; once in the sixth."""
     stand_in.train_and_die(tmp_path, 16 * 3 + 2)

@@ -22,7 +22,7 @@ from fbid_gym.policy.__main__ import main as list_main
 from tests.eval.conftest import zero_policy
 from train.runs.environment import changed_meaning
 
-EPISODES, SEED = 16, 50_000
+EPISODES, SEED = 6, 50_000
 SHIPPED = shipped()
 every = pytest.mark.parametrize("policy", SHIPPED, ids=[each.name for each in SHIPPED])
 
@@ -36,6 +36,7 @@ def test_a_shipped_policy_is_small_and_of_an_environment_of_today(policy):
     assert changed_meaning(policy.path) is None
 
 
+@pytest.mark.slow
 @every
 def test_a_shipped_policy_does_what_its_card_says(policy):
     if policy.card.note:

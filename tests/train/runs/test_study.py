@@ -45,9 +45,7 @@ def fill(folder, steps, evaluated):
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
-    study = read_study(path, tmp_path)
-    assert study.cells
-    for cell in study.cells:
+    for cell in (arm.cells[-1] for arm in arms(read_study(path, tmp_path)) if not arm.policy):
         assert cell.config.env in ENVIRONMENTS and cell.config.action_layer in LAYERS
         # A job is started by its command line, which has to say all of it.
         command = training_job(cell.name, cell.config).command

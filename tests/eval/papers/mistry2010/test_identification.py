@@ -31,6 +31,7 @@ def test_filter_is_exact_for_polynomials():
     np.testing.assert_allclose(smooth(values, 1), rates[kept], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_exciting_motions_keep_their_feet(robot):
     motion = exciting(robot, 8, seed=3)
     assert motion.period == 8 * RATES.control
