@@ -20,11 +20,10 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import tyro
 from rich.console import Console
-from scipy.stats import wilcoxon
 
 from eval.page.docs import DOCS, markdown_table, splice, spliced
 from eval.page.figures import Series, panel, sheet
-from eval.statistics import holm
+from eval.statistics import holm, signed_rank
 from eval.study.cells import policy_digest
 from eval.transfer import COLUMNS, ZERO
 from eval.wording import capital, number, over_seeds, percent
@@ -282,7 +281,7 @@ def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], st
         for prefix in (ZERO, PREFIX)
         if one.bodies and law.layer == one.layer and law.name.startswith(prefix)
     }
-    p_values = holm([wilcoxon(more).pvalue if more.any() else 1.0 for more in pairs.values()])
+    p_values = holm([signed_rank(more) for more in pairs.values()])
     return {
         which: f"{(more > 0.0).sum()} of {len(robots)}, p = {number(p, 2)}"
         for (which, more), p in zip(pairs.items(), p_values, strict=True)

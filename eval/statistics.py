@@ -177,6 +177,11 @@ def p_value(x: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> float:
     return float(test.pvalue)
 
 
+def signed_rank(apart: np.ndarray) -> float:
+    """Wilcoxon's signed-rank test that differences (R,) lie about zero: p, 1 if all are zero."""
+    return float(stats.wilcoxon(apart).pvalue) if apart.any() else 1.0
+
+
 def paired(x: np.ndarray, y: np.ndarray, confidence: float) -> tuple[Estimate, float]:
     """Set runs against a policy that is no run, on the same episodes.
 

@@ -4,7 +4,7 @@ python -m eval.transfer runs/my_run --robots go1 zoo:quadruped:1000-1029 --gain 
 """
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from eval.rollout import Player, lawful, load_player, play_player
+from eval.statistics import signed_rank
+from eval.wording import number
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.options import Choice, Whole
@@ -70,19 +72,19 @@ def run(config: TransferConfig) -> None:
     robots, env_args = several(config.robots), parse_env_args(config.env_args)
     for source in config.sources:
         load_policy(place_of(source))  # a path that is none is said at once
-    rows = list[dict[str, Any]]()
+    rows, labels = list[dict[str, Any]](), distinct([robot.name for robot in robots])
     with progress(console, "robots") as tell:
-        for number, robot in enumerate(robots):
+        for k, (robot, label) in enumerate(zip(robots, labels, strict=True)):
             for name, source, change in _players(config, env_args):
                 played = None
                 try:
                     player = change(load_player(source, env_args, robot))
                     played = play_player(player, config.episodes, config.seed)
                 except FbidError as reason:  # it cannot act on the robot
-                    sentence = f"{name} on {robot.name}: {reason}"
+                    sentence = f"{name} on {label}: {reason}"
                     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-                rows.append(_row(robot, name, played))
-            tell(number + 1, len(robots), robot.name)
+                rows.append(_row(robot, label, name, played))
+            tell(k + 1, len(robots), label)
     console.print(table(rows))
     for sentence in findings(rows):
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)
@@ -114,8 +116,16 @@ def _players(
             yield name, source, partial(lawful, gain=config.gain)
 
 
-def _row(robot: Robot, name: str, played: Episodes | None) -> dict[str, Any]:
-    own = {"robot": robot.name, "mass": f"{robot.mass:.4g}", "joints": robot.num_joints}
+def distinct(names: Sequence[str]) -> list[str]:
+    """Number the names that several have: files of different robots may give the same."""
+    return [
+        f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
+
+
+def _row(robot: Robot, label: str, name: str, played: Episodes | None) -> dict[str, Any]:
+    own = {"robot": label, "mass": f"{robot.mass:.4g}", "joints": robot.num_joints}
     row: dict[str, Any] = {**own, "feet": robot.num_feet, "policy": name}
     if played is None:
         return row | {"return": "", "up": "", "velocity_error": "", "episodes": 0}
@@ -149,7 +159,10 @@ def table(rows: list[dict[str, Any]]) -> Table:
 
 
 def findings(rows: list[dict[str, Any]]) -> list[str]:
-    """Say on how many robots each policy earns more than each other, and how many stay up."""
+    """Say how many stay up, and on how many robots a policy earns more than what learnt nothing.
+
+    p is that of Wilcoxon's signed-rank test over the robots.
+    """
     earned = dict[str, dict[str, float]]()
     up = dict[str, list[float]]()
     for row in rows:
@@ -157,16 +170,19 @@ def findings(rows: list[dict[str, Any]]) -> list[str]:
             earned.setdefault(row["policy"], {})[row["robot"]] = float(row["return"])
             up.setdefault(row["policy"], []).append(float(row["up"]))
     found = [
-        f"{policy}: {100 * np.mean(shares):.1f} % of the episodes without a fall, on "
-        f"{len(shares)} robots."
+        f"{policy}: a return of {np.mean(list(earned[policy].values())):.1f}, "
+        f"{100 * np.mean(shares):.1f} % of the episodes without a fall, on {len(shares)} robots."
         for policy, shares in up.items()
     ]
     for one in earned:
         for other in earned:
-            both = earned[one].keys() & earned[other].keys()
+            both = [robot for robot in earned[one] if robot in earned[other]]
             if other.startswith((ZERO, PREFIX)) and not one.startswith((other, ZERO)) and both:
-                more = sum(earned[one][robot] > earned[other][robot] for robot in both)
-                found.append(f"{one} earns more than {other} on {more} of {len(both)} robots.")
+                more = np.array([earned[one][robot] - earned[other][robot] for robot in both])
+                found.append(
+                    f"{one} earns more than {other} on {(more > 0.0).sum()} of {len(both)} robots "
+                    f"(p = {number(signed_rank(more), 2)})."
+                )
     return found
 
 

@@ -238,8 +238,7 @@ def check_fields(values: Any, called: str = "{}") -> None:
         called: what errors call a field, {} being its name.
     """
     for option in _fields(type(values)):
-        value = option.check(getattr(values, option.name), called)
-        object.__setattr__(values, option.name, value)
+        object.__setattr__(values, option.name, option.check(getattr(values, option.name), called))
 
 
 def options_of(build: Callable[..., Any]) -> dict[str, Option]:
@@ -249,12 +248,11 @@ def options_of(build: Callable[..., Any]) -> dict[str, Option]:
     """
     if is_dataclass(build):
         return {option.name: option for option in _fields(build)}
-    found: dict[str, Option] = {}
-    for option in _keywords(build):
-        grouped = is_dataclass(option.default)
-        for own in _fields(type(option.default)) if grouped else [option]:
-            found[own.name] = own
-    return found
+    return {
+        own.name: own
+        for option in _keywords(build)
+        for own in (_fields(type(option.default)) if is_dataclass(option.default) else [option])
+    }
 
 
 def grouped(build: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -262,8 +260,7 @@ def grouped(build: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, An
     rest, groups = dict(given), {}
     for option in _keywords(build):
         if is_dataclass(option.default) and not isinstance(option.default, type):
-            known = options_of(type(option.default))
-            own = {name: rest.pop(name) for name in known if name in rest}
+            own = {n: rest.pop(n) for n in options_of(type(option.default)) if n in rest}
             if own:
                 groups[option.name] = replace(option.default, **own)
     return rest | groups
@@ -303,15 +300,14 @@ def _keywords(build: Callable[..., Any]) -> tuple[Option, ...]:
     )
 
 
-@functools.cache
-def _fields(kind: Any) -> tuple[Option, ...]:
-    return tuple(_option(field.name, field.default, field.type) for field in fields(kind))
+_fields: Callable[[Any], tuple[Option, ...]] = functools.cache(
+    lambda kind: tuple(_option(field.name, field.default, field.type) for field in fields(kind))
+)
 
 
 def _option(name: str, default: Any, annotation: Any) -> Option:
-    parts = (annotation,)
-    if get_origin(annotation) in (Union, types.UnionType):
-        parts = get_args(annotation)
+    several = get_origin(annotation) in (Union, types.UnionType)
+    parts = get_args(annotation) if several else (annotation,)
     said = [word for part in parts if get_origin(part) is Annotated for word in get_args(part)[1:]]
     found: list[Kind] = [word for word in said if isinstance(word, Kind)]
     if bool in parts:

@@ -40,8 +40,10 @@ def test_a_policy_of_several_robots_acts_on_others(tmp_path, capsys):
     assert [int(row["episodes"]) for row in rows] == [2, 2, 2, 2, 2, 2, 0, 2, 2]
     said = " ".join(capsys.readouterr().out.split())
     assert "cannot act" in said and "on 2 robots" in said and "acts on 4 feet" in said
+    asked[2:5] = ["go1", "go1", "biped"]  # as files of two robots that give the same name
     assert transfer.main([*asked[:-4], "--who", "laws", "--out", str(out)]) == 0
-    assert len(list(csv.DictReader(out.read_text().splitlines()))) == 3
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert [row["robot"] for row in rows] == ["go1 (1)", "go1 (2)", "biped"]
 
     asked = ShipConfig(run, "QuadrupedWalk-v0/any", 20, unseen=("quadruped",), unseen_episodes=2)
     card = ship(replace(asked, out=tmp_path / "policies")).card
