@@ -79,17 +79,17 @@ class Card(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         told, those = list[str](), self.unseen
         if self.robots:
             played = self.environment.get("robot", "the robot of the environment")
-            names = ", ".join(self.robots)
+            many = len(self.robots) > 20
+            names = ", ".join((self.robots[0], "...", self.robots[-1]) if many else self.robots)
             told.append(f"Learnt with {len(self.robots)} robots: {names}; measured on {played}.")
         if not those:
             return told
-        up, zero = (sum(shares) / len(those) for shares in
-                    ([x.survived for x in those], [x.zero_survived for x in those]))  # fmt: skip
-        more = sum(x.returned > x.zero_returned for x in those)
+        up = sum(x.survived for x in those) / len(those)
+        zero = sum(x.zero_survived for x in those) / len(those)
         told.append(
             f"On {len(those)} robots that it never saw, {self.unseen_episodes} episodes each: "
             f"{up:.1%} without a fall (zero action {zero:.1%}), a greater return than the zero "
-            f"action's on {more}."
+            f"action's on {sum(x.returned > x.zero_returned for x in those)}."
         )
         for words, bad in (
             ("It falls in more than half of them on", [x for x in those if x.survived < 0.5]),
