@@ -6,13 +6,7 @@ from typing import Any
 
 from fbid_gym.errors import RunError
 from fbid_gym.robots import Robot
-from train.runs.differences import (
-    differences,
-    in_words,
-    made_with,
-    training_differences,
-    training_settings,
-)
+from train.runs.differences import differences, in_words, made_with, training_differences
 from train.runs.environment import changed_meaning
 from train.runs.reading import Run
 from train.runs.robots import another
@@ -124,14 +118,3 @@ def origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
             what = _ORIGINS.get(name, f"versions of {name}")
             found.append(f"The runs come from different {what}: {', '.join(values)}.")
     return found
-
-
-def shared_settings(runs: Sequence[Run]) -> dict[str, Any]:
-    """Training settings that all runs have in common, flattened to dotted names."""
-    settings = [training_settings(run.config) for run in runs if run.config is not None]
-    first, *others = settings or [{}]
-    return {
-        name: value
-        for name, value in first.items()
-        if all(name in its and its[name] == value for its in others)
-    }

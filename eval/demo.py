@@ -7,16 +7,13 @@ Every training is a `python -m train.ppo` of its own with its folder under `runs
 each. Interrupted, the same command continues where they were.
 """
 
-import math
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from rich.console import Console
-from rich.table import Table
 
 from eval.compare import main as compare
 from eval.rollout import Player, filmed
@@ -28,9 +25,7 @@ from train.recipes import config_for
 from train.runs import robots
 from train.runs.config import EvaluationConfig, TrainConfig, cores
 from train.runs.files import check_folder, check_output, write
-from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
-from train.runs.tables import read_rows
 from train.runs.training import training_job
 
 
@@ -67,7 +62,7 @@ class DemoConfig:
 
 
 _HARDER: dict[str, dict[str, Any]] = {
-    "walk": {"sweep": (1.0, 2.0, 3.0, 4.0, 5.0), "video_push": 2.0}
+    "walk": {"pushes": (0.4, 0.8, 1.2, 1.6, 2.0), "video_push": 0.8}
 }
 """Task -> settings of the comparison, where pushes of the training make nobody fall."""
 
@@ -115,28 +110,6 @@ def compared(config: DemoConfig, report: Path) -> list[str]:
     return words
 
 
-def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
-    """Return what the runs came to."""
-    names = ("layer", "seed", "before", "after", "best", "survival", "velocity error", "minutes")
-    found = Table(*names, title="Return at evaluation")
-    for (layer, seed), training in every.items():
-        rows = read_rows(RunFolder.of(training.folder).evaluations)
-        first, last = rows[0], rows[-1]
-        best = max(float(row["return_mean"]) for row in rows)
-        error = float(last.get("velocity_error", "nan"))  # NaN where nothing is commanded
-        found.add_row(
-            layer,
-            str(seed),
-            f"{float(first['return_mean']):.0f}",
-            f"{float(last['return_mean']):.0f}",
-            f"{best:.0f}",
-            f"{float(last['survival']):.0%}",
-            f"{error:.3f} m/s" if math.isfinite(error) else "–",
-            f"{float(last['wall_seconds']) / 60:.1f}",
-        )
-    return found
-
-
 def main(config: DemoConfig) -> int:
     """Film, train, compare, report; return the exit status."""
     check_folder(config.out, "out")
@@ -153,7 +126,6 @@ def main(config: DemoConfig) -> int:
     status = compare(compared(config, report))
     if status != 0:
         return status
-    console.print(table(every))
     console.print(f"{(time.monotonic() - began) / 60:.1f} minutes. Report: {report}", markup=False)
     return 0
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from eval.results import Crossing, Estimate
+from eval.results import Estimate
 from train.episodes import METRICS, Metric
 
 Form = Callable[[float], str]
@@ -111,19 +111,3 @@ def over_seeds(values: np.ndarray, form: Form) -> str:
 def capital(text: str) -> str:
     """Begin with a capital."""
     return text[:1].upper() + text[1:]
-
-
-def crossing(value: Crossing | None, form: Form) -> str:
-    """Write when the threshold was reached, never hiding the runs that did not reach it."""
-    if value is None:
-        return "–"
-    total = len(value.each)
-    if value.reached == 0:
-        return f"not reached in {total} runs" if total > 1 else "not reached"
-    if max(value.each) <= 0:
-        return "reached before training"
-    if not math.isfinite(value.median.value):
-        return f"reached in {value.reached} of {total} runs, first after {form(min(value.each))}"
-    late = total - value.reached
-    missing = f", not reached in {late} of {total}" if late else ""
-    return f"{interval(value.median, form)}{missing}"

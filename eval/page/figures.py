@@ -53,7 +53,6 @@ class Series:
         band: Band,
         singles: Sequence[tuple[Sequence[float], Values]],
         per: float = 1.0,
-        level: float | None = None,
     ) -> "Series":
         """Make one of a band and of the curves of its runs, where there are several.
 
@@ -61,7 +60,7 @@ class Series:
         """
         thin = [(np.asarray(x) / per, y) for x, y in singles] if len(singles) > 1 else ()
         grid = np.asarray(band.grid) / per
-        return cls(name, colour, grid, band.value, band.low, band.high, thin, level)
+        return cls(name, colour, grid, band.value, band.low, band.high, thin)
 
     @classmethod
     def constant(cls, name: str, colour: int, until: float, value: Estimate) -> "Series":
@@ -89,8 +88,6 @@ class Series:
 class Marks:
     """What else a panel shows; None: nothing."""
 
-    threshold: float | None = None  # level drawn across the panel, and named in the margin
-    shaded_to: float | None = None  # shade the abscissae up to here
     upright: float | None = None  # abscissa of an upright line
     logarithmic: bool = False  # whether the vertical axis is
 
@@ -116,8 +113,6 @@ def panel(
         axes.set_xlabel(x_title, loc="right", color=COLOUR["soft"])
         for item in series:
             _curve(axes, item)
-        if marks.threshold is not None:
-            axes.axhline(marks.threshold, color=COLOUR["faint"], linewidth=1, linestyle=":")
         if marks.upright is not None:
             axes.axvline(marks.upright, color=COLOUR["faint"], linewidth=1, linestyle=":")
         axes.grid(axis="x", visible=False)
@@ -137,11 +132,8 @@ def panel(
         axes.xaxis.set_major_locator(round_ticks(4))
         axes.xaxis.set_major_formatter(TickLabels(x_format))
         axes.yaxis.set_major_formatter(TickLabels(y_format))
-        if marks.shaded_to is not None:
-            end = min(marks.shaded_to, axes.get_xlim()[1])
-            axes.axvspan(axes.get_xlim()[0], end, color=COLOUR["wash"], zorder=0, linewidth=0)
         if series:
-            _name_ends(axes, series, marks.threshold)
+            _name_ends(axes, series)
     return drawn[0]
 
 
@@ -162,14 +154,12 @@ def _curve(axes: Axes, item: Series) -> None:
               markersize=5.5, markeredgecolor=COLOUR["paper"], clip_on=not dots)  # fmt: skip
 
 
-def _name_ends(axes: Axes, series: Sequence[Series], threshold: float | None) -> None:
+def _name_ends(axes: Axes, series: Sequence[Series]) -> None:
     """Write names into the margin, as near to the ends of their curves as others leave room."""
     named = []
     for item in series:
         known = np.asarray(item.value, float)[np.isfinite(item.value)]
         named.append((item.name.replace("_", " "), f"c{item.colour}", float(known[-1])))
-    if threshold is not None:
-        named.append((f"threshold {number(threshold)}", "faint", threshold))
     scale = axes.get_position().height * HEIGHT
     wrapped = [textwrap.wrap(name, 18, break_long_words=False) or [""] for name, _, _ in named]
     heights = [_LINE * len(lines) + 3.0 for lines in wrapped]

@@ -43,7 +43,7 @@ def jpeg(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-_NAMES = "capital count crossing duration form_of interval number percent span steps titled"
+_NAMES = "capital count duration form_of interval number percent span steps titled"
 _KNOWN: dict[str, Callable[..., Any]] = {
     **{name: getattr(wording, name) for name in _NAMES.split()},
     **{"environment_name": environment_name, "data": data, "digest": digest},

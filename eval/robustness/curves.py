@@ -95,6 +95,13 @@ class Robustness:
                 if measure not in METRIC or its.keys() != self.arms.keys():
                     raise ValueError(f"{measure} is not of the arms {', '.join(self.arms)}")
 
+    @property
+    def dashed(self) -> dict[str, str]:
+        """Layer -> the arm that is its zero action, of layers of which something else is tried."""
+        trained = {layer for arm, layer in self.arms.items() if self.runs[arm]}
+        zeros = {layer: arm for arm, layer in self.arms.items() if not self.runs[arm]}
+        return {layer: arm for layer, arm in zeros.items() if layer in trained}
+
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data."""
         return {**asdict(self), "confidence": CONFIDENCE}
@@ -142,7 +149,7 @@ def measure(
     there = [factor for factor in factors if not left_out[factor.name]]
     plan = {
         (arm.name, factor.name, value): {
-            _key(player, one): one for player in arm.players for one in [_at(player, factor, value)]
+            _key(player, one): one for player in arm.players for one in [at(player, factor, value)]
         }
         for arm in arms
         for factor in there
@@ -234,7 +241,8 @@ def area(curves: np.ndarray, positions: Sequence[float]) -> np.ndarray:
     return np.trapezoid(curves, positions, axis=1) / (positions[-1] - positions[0])
 
 
-def _at(player: Player, factor: Factor, value: float) -> Player:
+def at(player: Player, factor: Factor, value: float) -> Player:
+    """Return a player where one thing is otherwise."""
     changes = factor.changes(value, meant(player))
     return replace(player, env_args=changed(player.env_args, changes))
 

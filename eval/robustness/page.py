@@ -9,15 +9,16 @@ from eval.page.colours import colours_of
 from eval.page.figures import Marks, Series, panel, sheet
 from eval.page.html import render
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
-from eval.robustness.factors import BY_NAME
+from eval.robustness.factors import BY_NAME, Factor
 from eval.robustness.tables import heading, means
 from eval.robustness.wording import headline, lede
 from eval.wording import METRIC, form_of, interval, percent
 
+Table = tuple[list[str], list[list[str]]]  # heads and rows
+
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
     """Lay out the page; it shows the command line that made it."""
-    zeros, trained = _zero_actions(found)
     return render(
         "robustness.html",
         title=f"Robustness in {found.env_id.rpartition('/')[2]}",
@@ -26,31 +27,37 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
         lede=lede(found),
         seconds=float(found.env_args.get("episode_seconds") or 0.0),
         areas=means(found),
-        factors=[(BY_NAME[along.name], along, panels(found, along), _tables(found, along))
-                 for along in found.along],
-        dashed=bool(zeros.keys() & trained),
+        factors=factors(found),
         level=percent(CONFIDENCE),
         samples=SAMPLES,
         command=shlex.join(command),
-    )  # fmt: skip
+    )
 
 
 def drawn(found: Robustness) -> str:
     """Return the figures of all factors as SVG, a row for each."""
-    return sheet([one for along in found.along for one in panels(found, along)])
+    return sheet([one for _, _, charts, _ in factors(found) for one in charts])
 
 
-def panels(
-    found: Robustness, along: Along, colours: Mapping[str, int] | None = None
-) -> list[Markup]:
-    """Return the figure of a factor: a panel for each measure, all arms in it.
+def factors(
+    found: Robustness, colours: Mapping[str, int] | None = None
+) -> list[tuple[Factor, Along, list[Markup], list[Table]]]:
+    """Return each factor with what was found along it, its figure, and the same as tables.
 
     Colours are those of the arms' layers unless they are given.
     """
-    factor = BY_NAME[along.name]
     if colours is None:
         of_layers = colours_of(dict.fromkeys(found.arms.values()))
         colours = {arm: of_layers[layer] for arm, layer in found.arms.items()}
+    return [
+        (BY_NAME[along.name], along, _panels(found, along, colours), _tables(found, along))
+        for along in found.along
+    ]
+
+
+def _panels(found: Robustness, along: Along, colours: Mapping[str, int]) -> list[Markup]:
+    """Return a panel for each measure, all arms in it."""
+    factor = BY_NAME[along.name]
     return [
         panel(
             _series(found, along.values, along.curves[measure], colours),
@@ -66,29 +73,21 @@ def panels(
     ]
 
 
-def _zero_actions(found: Robustness) -> tuple[dict[str, str], set[str]]:
-    """Return the arms that are zero actions by layer, and the layers of those trained."""
-    trained = {layer for arm, layer in found.arms.items() if found.runs[arm]}
-    return {layer: arm for arm, layer in found.arms.items() if not found.runs[arm]}, trained
-
-
 def _series(
     found: Robustness, values: Sequence[float], curves: dict[str, Curve], colours: Mapping[str, int]
 ) -> list[Series]:
     """A line for each arm; the zero action of a layer that was trained is dashed beside it."""
-    zeros, trained = _zero_actions(found)
-    series = []
+    zeros, series = found.dashed, []
     for arm, layer in found.arms.items():
-        if not found.runs[arm] and layer in trained:
+        if arm in zeros.values():
             continue
-        beside = layer in zeros and layer in trained
-        dashed = [point.value for point in curves[zeros[layer]].points] if beside else None
+        dashed = [point.value for point in curves[zeros[layer]].points] if layer in zeros else None
         points = curves[arm].points
         series.append(Series.through(arm, colours[arm], values, points, dashed))
     return series
 
 
-def _tables(found: Robustness, along: Along) -> list[tuple[list[str], list[list[str]]]]:
+def _tables(found: Robustness, along: Along) -> list[Table]:
     """Return heads and rows of the points of every measure."""
     factor, forms = BY_NAME[along.name], {name: form_of(METRIC[name]) for name in found.measures}
     heads = [*map(factor.written, along.values), "change" if factor.stages else "area"]

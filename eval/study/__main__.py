@@ -16,24 +16,23 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from eval.clips import Shown, fate
-from eval.page.colours import colours_of
 from eval.page.docs import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
 from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
 from eval.robustness.factors import FACTORS
-from eval.rollout import Player, filmed
+from eval.rollout import Player
 from eval.study import fresh
 from eval.study.cells import policy_digest, robustness_file
+from eval.study.films import Clips, film
 from eval.study.findings import checked_reference, findings
 from eval.study.page import page
-from eval.study.results import RETURN, Findings, Settings
+from eval.study.results import Settings
 from eval.study.tables import drawn, numbers, table
-from fbid_gym.errors import FbidError, InvalidValueError, RunError
+from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole
 from train.command import run_command
-from train.progress import Tell, progress
+from train.progress import progress
 from train.runs.files import check_output, to_json, write
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 
@@ -97,10 +96,13 @@ def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
                       if (kept := _kept(study, env_id)) is not None}  # fmt: skip
         old = [warning for kept in robustness.values() for warning in _outdated(study, kept)]
         found = replace(found, warnings=[*found.warnings, *old])
-        clips: dict[tuple[str, str], Shown] = {}
+        clips = Clips()
         if config.video_seconds > 0:
+            cells = {cell.config.folder.name: cell for cell in (*study.cells, *study.unlearnt)}
             with progress(console, "clips") as tell:
-                clips, missing = film(study, found, config.video_seconds, tell)
+                clips, missing = film(
+                    found, lambda name: Player.of_cell(cells[name]), config.video_seconds, tell
+                )
             found = replace(found, warnings=[*found.warnings, *missing])
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
         write(config.out, page(found, clips, robustness, shlex.join(command)))
@@ -112,32 +114,6 @@ def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
     if config.out is not None:
         console.print(f"wrote {config.out}", markup=False)
     return 0
-
-
-def film(
-    study: Study, found: Findings, seconds: float, tell: Tell
-) -> tuple[dict[tuple[str, str], Shown], list[str]]:
-    """Record the median training of each arm of which any is done, and what learns nothing.
-
-    Returns:
-        The clips by environment and arm; and why others are missing, a sentence each.
-    """
-    colour = colours_of(arm.name for arm in found.arms)
-    cells = {cell.config.folder.name: cell for cell in (*study.cells, *study.unlearnt)}
-    clips, missing = {}, []
-    done = [arm for arm in found.arms if arm.ready]
-    for k, arm in enumerate(done):
-        ranked = sorted(zip(arm.each[RETURN.name], arm.counted, strict=True))
-        name = ranked[(len(ranked) - 1) // 2][1]
-        tell(k, len(done), name)
-        try:
-            clip = filmed(Player.of_cell(cells[name]), found.settings.seed, seconds, "")
-        except FbidError as error:  # the numbers stand without it
-            missing.append(f"There is no clip of {name}: {error}")
-            continue
-        note = f"{arm.policy or f'seed {cells[name].config.seed}'}, {fate(clip)}"
-        clips[arm.env_id, arm.name] = Shown(arm.name, colour[arm.name], note, clip)
-    return clips, missing
 
 
 def measure_robustness(config: StudyConfig, study: Study, console: Console) -> None:

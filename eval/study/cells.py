@@ -54,9 +54,9 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
     return [step for step, _ in known], [mean for _, mean in known]
 
 
-def fallen(run: TrainConfig, steps: np.ndarray) -> np.ndarray:
+def fallen(folder: Path, steps: np.ndarray) -> np.ndarray:
     """Return how often robots had fallen in training by these steps; NaN where it is not known."""
-    rows = read_rows(RunFolder.of(run.folder).progress)
+    rows = read_rows(RunFolder.of(folder).progress)
     if not rows or not all(row.get("falls") for row in rows):
         return np.full(len(steps), np.nan)
     known = [(0.0, 0.0), *((float(row["steps"]), float(row["falls"])) for row in rows)]

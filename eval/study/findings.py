@@ -9,6 +9,7 @@ chance is that of episodes, and it is set against runs by the same fresh episode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.statistics import Chance
 from eval.study import fresh
 from eval.study.cells import fallen
-from eval.study.fresh import Falls, Played
+from eval.study.fresh import OF_EPISODES, Falls, Played
 from eval.study.results import (
     CURVES,
     ERROR,
@@ -45,8 +46,8 @@ from train.runs.environment import changed_meaning
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.reading import layer_name, read_columns
-from train.runs.study import Arm, Cell, Study, arms, check_cells
-from train.runs.training import standing
+from train.runs.study import Arm, Study, arms, check_cells
+from train.runs.training import Standing, standing
 
 
 def findings(study: Study, settings: Settings, reference: str | None = None) -> Findings:
@@ -58,41 +59,47 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
     """
     check_cells(study)
     reference = checked_reference(study, reference)
-    rng = np.random.default_rng(settings.seed)
-    chance = Chance(rng, settings.samples, settings.confidence)
     (played, outdated), evaluated = fresh.kept(study), fresh.levels(study)
+    folders = [RunFolder.of(cell.config.folder) for cell in study.cells]
+    versions = [read_json(folder.versions) for folder in folders if folder.versions.is_file()]
+    warnings = [*_changed(study), *origin_warnings([made_with(its) for its in versions]), *outdated]
+    known, its = versions[0] if versions else {}, [_begun(arm) for arm in arms(study)]
+    bare = Findings(study.name, study.title, reference, settings, its, warnings, known)
+    found = together(bare, played, evaluated)
+    return replace(found, answers=_answers(study, found.arms, played, settings.chance()))
+
+
+def together(
+    bare: Findings, played: Mapping[str, Played], evaluated: Mapping[str, Played]
+) -> Findings:
+    """Put the runs of each arm together, and set the arms against the reference.
+
+    Args:
+        bare: the arms, with their cells alone.
+        played: what runs did in fresh episodes, by name.
+        evaluated: likewise what learns nothing, in the episodes that trainings are evaluated in.
+    """
+    chance = bare.settings.chance()
     found = [
-        _unlearnt(arm, evaluated, chance) if arm.policy else _arm(arm, settings, chance)
-        for arm in arms(study)
+        _unlearnt(arm, evaluated, chance) if arm.policy else _arm(arm, bare.settings, chance)
+        for arm in bare.arms
     ]
     levels = {arm.env_id: level for arm in found if (level := _level(arm.env_id, found))}
     found = [_with_level(_with_fresh(arm, played, chance), levels, chance) for arm in found]
-    references = {arm.env_id: arm for arm in found if arm.name == reference}
+    references = {arm.env_id: arm for arm in found if arm.name == bare.reference}
     for arm in found:
         other = references.get(arm.env_id)
         if other is None or other is arm:
             continue
         most, learnt = (arm.most, other.most), not (arm.policy or other.policy)
         if learnt and arm.done and other.done:
-            arm.versus.update(_versus(arm.each, other.each, most, chance))
+            arm.versus.update(set_against(arm.each, other.each, most, chance))
         if arm.fresh is not None and other.fresh is not None:
             test = None if learnt else partial(_paired, (arm, other), played, chance)
-            its = _versus(arm.fresh.each, other.fresh.each, most, chance, test)
+            its = set_against(arm.fresh.each, other.fresh.each, most, chance, test)
             arm.fresh.versus.update(its)
-    folders = [RunFolder.of(cell.config.folder) for cell in study.cells]
-    versions = [read_json(folder.versions) for folder in folders if folder.versions.is_file()]
-    return Findings(
-        study.name,
-        study.title,
-        reference,
-        settings,
-        found,
-        _across(found, references, chance),
-        [*_changed(study), *origin_warnings([made_with(its) for its in versions]), *outdated],
-        versions[0] if versions else {},
-        _answers(study, found, played, chance),
-        levels,
-    )
+    across = _across(found, references, chance)
+    return replace(bare, arms=found, across=across, levels=levels)
 
 
 def _answers(
@@ -158,64 +165,58 @@ def checked_reference(study: Study, reference: str | None) -> str:
     return study.reference if reference is None else reference
 
 
-def _cell(cell: Cell) -> CellFound:
-    table = read_columns(RunFolder.of(cell.config.folder).evaluations)
-    where = standing(cell.config)
+def _begun(arm: Arm) -> ArmFound:
+    cells, first = [cell.config for cell in arm.cells], arm.cells[0].config
+    layer, most = layer_name(first.make_args()), greatest_return(first.env, first.make_args())
+    if arm.policy:
+        return ArmFound(arm.env, arm.name, layer, most, [], [first.folder.name], arm.policy)
+    found = [cell_found(c.folder, c.folder.name, c.seed, standing(c), command(c)) for c in cells]
+    return ArmFound(arm.env, arm.name, layer, most, found)
+
+
+def cell_found(folder: Path, name: str, seed: int | None, where: Standing, again: str) -> CellFound:
+    """Read what evaluations found of a training; `again` is the command that trains it."""
+    table = read_columns(RunFolder.of(folder).evaluations)
     return CellFound(
-        cell.config.folder.name,
-        cell.config.seed,
-        where.state,
-        where.note,
+        *(name, seed, where.state, where.note),
         table["steps"].tolist() if table else [],
         table.get("wall_seconds", table["steps"] * np.nan).tolist() if table else [],
-        fallen(cell.config, table["steps"]).tolist() if table else [],
+        fallen(folder, table["steps"]).tolist() if table else [],
         {measure.name: measure.of(table).tolist() for measure in MEASURES} if table else {},
-        command(cell.config),
+        again,
     )
 
 
-def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
-    cells = [_cell(cell) for cell in arm.cells]
-    begun = [cell for cell in cells if cell.begun]
+def _arm(arm: ArmFound, settings: Settings, chance: Chance) -> ArmFound:
+    begun = [cell for cell in arm.cells if cell.begun]
     counted = [cell for cell in begun if cell.state == "done"] or begun
     until = min((cell.steps[-1] for cell in counted), default=0.0)
     each = {m.name: [cell.at(m.name, until) for cell in counted] for m in MEASURES if counted}
     known = [measure for measure in MEASURES if _has(each, measure)]
-    first = arm.cells[0].config
     timed = settings.thresholds if ERROR in known else ()
     known_falls = all(np.isfinite(cell.fallen).all() for cell in counted)
-    return ArmFound(
-        arm.env,
-        arm.name,
-        layer_name(first.make_args()),
-        greatest_return(first.env, first.make_args()),
-        cells,
-        [cell.name for cell in counted],
-        until,
-        {m.name: float(np.mean([cell.curves[m.name][0] for cell in counted])) for m in known},
-        each,
-        _final(each, known, chance),
-        {m.name: _band(counted, "steps", m, chance) for m in CURVES if m in known},
-        {m.name: _band(counted, "wall", m, chance) for m in CURVES if m in known},
-        [_crossing(counted, "steps", value, settings, chance) for value in timed],
-        [_crossing(counted, "wall", value, settings, chance) for value in timed],
-        [_crossing(counted, "fallen", value, settings, chance) for value in timed if known_falls],
-    )
+    return replace(
+        arm,
+        counted=[cell.name for cell in counted],
+        steps=until,
+        before={m.name: float(np.mean([c.curves[m.name][0] for c in counted])) for m in known},
+        each=each,
+        final=_final(each, known, chance),
+        by_steps={m.name: _band(counted, "steps", m, chance) for m in CURVES if m in known},
+        by_wall={m.name: _band(counted, "wall", m, chance) for m in CURVES if m in known},
+        steps_to=[_crossing(counted, "steps", value, settings, chance) for value in timed],
+        wall_to=[_crossing(counted, "wall", value, settings, chance) for value in timed],
+        falls_to=[_crossing(counted, "fallen", value, settings, chance)
+                  for value in timed if known_falls],
+    )  # fmt: skip
 
 
-def _unlearnt(arm: Arm, evaluated: Mapping[str, Played], chance: Chance) -> ArmFound:
+def _unlearnt(arm: ArmFound, evaluated: Mapping[str, Played], chance: Chance) -> ArmFound:
     """Return an arm that learns nothing, by what it did in evaluations of trainings."""
-    first = arm.cells[0].config
-    its = evaluated.get(first.folder.name)
-    final = {} if its is None else _over_episodes(its, chance)
-    layer, most = layer_name(first.make_args()), greatest_return(first.env, first.make_args())
-    counted = [first.folder.name] if final else []
-    each = {name: [known.value] for name, known in final.items()}
-    return ArmFound(
-        *(arm.env, arm.name, layer, most, [], counted, 0.0, {}, each, final),
-        *({}, {}, [], [], []),
-        policy=arm.policy,
-    )
+    its = evaluated.get(arm.counted[0])
+    found = {} if its is None else _over_episodes(its, chance)
+    final = {name: known for name, known in found.items() if name not in OF_EPISODES}
+    return replace(arm, final=final, each={name: [known.value] for name, known in final.items()})
 
 
 def _over_episodes(its: Played, chance: Chance) -> dict[str, Estimate]:
@@ -299,7 +300,7 @@ def _scores(each: Values, measure: Measure, most: float) -> np.ndarray:
     return values / most if measure is RETURN and np.isfinite(most) else values
 
 
-def _versus(
+def set_against(
     each: Values,
     others: Values,
     most: tuple[float, float],

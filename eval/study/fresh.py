@@ -35,6 +35,9 @@ _EACH = {"return_mean": "returned", "survival": "survived"} | {
 _MOST_KEPT = 8192  # episodes; the values of more are no field of a CSV file
 _COLUMNS = ("run", "policy", "commit", *_MEASURED, *(f"{name}_each" for name in _EACH))
 
+OF_EPISODES = ("height_error", "torque", "power", "foothold_error")
+"""Columns of `Episodes` that are measured besides, and not kept."""
+
 Columns = dict[str, np.ndarray]
 
 
@@ -45,6 +48,15 @@ class Played(NamedTuple):
     each: Columns
     """Those of them that are means of the episodes, (E,) each, in the order of their seeds; empty
     where they were not kept."""
+
+    @classmethod
+    def by(cls, player: Player, count: int, seed: int) -> "Played":
+        """Play so many episodes, and measure more than is kept."""
+        episodes = play_player(player, count, seed, count)
+        names = _EACH | dict(zip(OF_EPISODES, OF_EPISODES, strict=True))
+        each = {column: getattr(episodes, name) for column, name in names.items()}
+        means = summary(episodes) | {name: each[name].mean() for name in OF_EPISODES}
+        return cls({name: np.array([mean]) for name, mean in means.items()}, each)
 
     @classmethod
     def of(cls, row: Mapping[str, str]) -> "Played":
@@ -122,11 +134,11 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
 
 def _played(cell: Cell, seed: int, count: int) -> dict[str, str]:
     """Play so many episodes, and return what they were as columns of what is kept."""
-    episodes = play_player(Player.of_cell(cell), count, seed, count)
-    means = summary(episodes)
-    row = {"policy": policy_digest(cell)} | {name: repr(means[name]) for name in _MEASURED}
-    for column, name in _EACH.items() if count <= _MOST_KEPT else ():
-        row[f"{column}_each"] = " ".join(f"{value:.7g}" for value in getattr(episodes, name))
+    its = Played.by(Player.of_cell(cell), count, seed)
+    row = {"policy": policy_digest(cell)}
+    row |= {name: repr(its.means[name].item()) for name in _MEASURED}
+    for column in _EACH if count <= _MOST_KEPT else ():
+        row[f"{column}_each"] = " ".join(f"{value:.7g}" for value in its.each[column])
     return row
 
 

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from eval.clips import Shown, legend
+from eval.clips import legend
 from eval.page.colours import colours_of
 from eval.page.figures import Series, Strip, panel, strips
 from eval.page.html import STARTS, render
 from eval.results import Crossing
 from eval.robustness.curves import CONFIDENCE, Robustness
-from eval.robustness.factors import BY_NAME
-from eval.robustness.page import panels
+from eval.robustness.page import factors
 from eval.robustness.tables import means
+from eval.statistics import coverage_ceiling
+from eval.study.films import Clips
 from eval.study.pace import Pace
 from eval.study.results import (
     CURVES,
@@ -26,12 +27,11 @@ from eval.study.results import (
     RETURN,
     ArmFound,
     Findings,
+    Fresh,
     Measure,
     Versus,
 )
 from eval.wording import Form, capital, number, percent, span, steps
-
-Clips = Mapping[tuple[str, str], Shown]  # environment and arm -> its clip
 
 
 def page(
@@ -63,11 +63,14 @@ def page(
         across_heads=[f"{capital(measure.label)}: does better" for measure in across],
         thresholds=[f"{number(value)} m/s" for value in found.settings.thresholds],
         measures=[m for m in MEASURES if any(arm.has(m) for arm in found.arms)],
+        seeds=min(len(arm.cells) for arm in found.arms if arm.cells),
+        ceiling=coverage_ceiling,
+        chance=lambda seeds: 2.0 / math.comb(2 * seeds, seeds),
         trained=_trained,
         reached=_reached,
         to_two="{:.2f}".format,
         to_three="{:.3f}".format,
-        commands="\n".join([*(cell.command for cell in cells), command]).strip(),
+        commands="\n".join(filter(None, [*(cell.command for cell in cells), command])),
     )
 
 
@@ -80,13 +83,10 @@ def _environment(
     colours: Mapping[str, int],
 ) -> dict[str, Any]:
     """Return what the section of an environment is made of."""
-    measured = [arm for arm in arms if arm.counted]
+    measured = [arm for arm in arms if (arm.final if arm.policy else arm.counted)]
     known = [m for m in MEASURES if any(arm.has(m) for arm in arms)]
     played = [arm for arm in arms if arm.fresh is not None]
-    stood = [] if robustness is None else [
-        (capital(BY_NAME[along.name].title), panels(robustness, along, colours))
-        for along in robustness.along
-    ]  # fmt: skip
+    fresh = [m for m in MEASURES if any(m.name in a.fresh.final for a in played if a.fresh)]
     return {
         "id": env_id,
         "arms": arms,
@@ -95,23 +95,24 @@ def _environment(
         "curves": _curves(measured, colours),
         "known": known,
         "befores": [f"{capital(measure.label)} of the zero action" for measure in known[:2]],
-        "strips": [_strips(measured, measure, colours) for measure in known],
+        "strips": [_strips([(arm, arm) for arm in measured], m, colours) for m in known],
         "timed": [arm for arm in measured if arm.steps_to],
         "level": found.levels.get(env_id),
         "levelled": [arm for arm in measured if arm.level_to],
         "unlearnt": [arm for arm in measured if arm.policy],
-        "judged": _against(found, arms, lambda arm: arm.versus),
+        "judged": _against(arms, lambda arm: arm.versus),
         "played": played,
-        "fresh": [
-            m for m in MEASURES if any(m.name in arm.fresh.final for arm in played if arm.fresh)
+        "fresh": fresh,
+        "fresh_strips": [
+            _strips([(arm, arm.fresh) for arm in played if arm.fresh], m, colours) for m in fresh
         ],
-        "fresh_judged": _against(found, played, lambda arm: arm.fresh.versus if arm.fresh else {}),
+        "fresh_judged": _against(played, lambda arm: arm.fresh.versus if arm.fresh else {}),
         "clips": [shown for (env, _), shown in clips.items() if env == env_id],
         "drawn": legend(env_id),
         "robustness": robustness,
         "areas": [] if robustness is None else means(robustness),
         "confidence": percent(CONFIDENCE),
-        "stood": stood,
+        "factors": [] if robustness is None else factors(robustness, colours),
     }
 
 
@@ -157,20 +158,23 @@ def _clock(arms: Sequence[ArmFound]) -> tuple[float, str, Form]:
     return scale, f"wall-clock, {unit}", number
 
 
-def _strips(arms: Sequence[ArmFound], measure: Measure, colours: Mapping[str, int]) -> Markup:
+def _strips(
+    rows: Sequence[tuple[ArmFound, ArmFound | Fresh]], measure: Measure, colours: Mapping[str, int]
+) -> Markup:
+    """Draw what arms come to, each with where its numbers are."""
     name = measure.name
     return strips([
-        Strip(arm.name, colours[arm.name], arm.each[name], arm.final[name],
-              arm.before.get(name, math.nan))
-        for arm in arms if arm.has(measure)
+        Strip(arm.name, colours[arm.name], its.each[name], its.final[name],
+              its.before.get(name, math.nan) if isinstance(its, ArmFound) else math.nan)
+        for arm, its in rows if name in its.final and math.isfinite(its.final[name].value)
     ], measure)  # fmt: skip
 
 
 def _against(
-    found: Findings, arms: Sequence[ArmFound], versus_of: Callable[[ArmFound], Mapping[str, Versus]]
+    arms: Sequence[ArmFound], versus_of: Callable[[ArmFound], Mapping[str, Versus]]
 ) -> dict[str, Any]:
     """Return in what arms are set against the reference, and how; empty where none is."""
-    others = [(arm, versus_of(arm)) for arm in arms if arm.name != found.reference]
+    others = [(arm, its) for arm in arms if (its := versus_of(arm))]
     shown = [m for m in JUDGED if any(m.name in versus for _, versus in others)]
     heads = [(f"{capital(measure.label)}: does better", "p") for measure in shown]
     return {"measures": shown, "heads": ["", *sum(heads, ())], "rows": others} if shown else {}
@@ -179,7 +183,7 @@ def _against(
 def _trained(arm: ArmFound) -> str:
     """Say after how many steps the numbers are, and how the unfinished trainings stand."""
     if arm.policy:
-        return "evaluated" if arm.counted else "not played yet: --fresh-episodes"
+        return "evaluated" if arm.final else "" if arm.fresh else "not played: --fresh-episodes"
     if arm.complete:
         return steps(arm.steps)
     states = [cell.state for cell in arm.cells if cell.state != "done"]

@@ -7,7 +7,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from eval.results import Band, Crossing, Estimate
-from eval.study.fresh import Falls
+from eval.statistics import Chance
+from eval.study.fresh import OF_EPISODES, Falls
+from eval.wording import METRIC
 from fbid_gym.options import Each, Number, Whole
 from train.episodes import Metric
 
@@ -24,11 +26,15 @@ class Settings:
     """Share of the episodes that must not end in a fall for a velocity error to count as reached:
     who falls at once has hardly erred."""
     seed: Annotated[int, Whole(0, 2**63)] = 20_000
-    """Of the bootstrap, and of the clips."""
+    """Of the bootstrap, and of what is played and not kept: robot i starts from seed + i."""
     samples: Annotated[int, Whole(1, 1_000_000)] = 5000
     """Of the bootstrap."""
     confidence: Annotated[float, Number(0.01, 0.9999)] = 0.95
     """Of the intervals."""
+
+    def chance(self) -> Chance:
+        """Return how intervals are drawn, from the beginning."""
+        return Chance(np.random.default_rng(self.seed), self.samples, self.confidence)
 
 
 class Measure(Metric):
@@ -37,7 +43,7 @@ class Measure(Metric):
     def of(self, table: dict[str, np.ndarray]) -> np.ndarray:
         """Return it from the columns of evaluations, (K,); NaN where they do not have it."""
         falls = self.name == "falls"
-        unknown = np.full_like(next(iter(table.values())), np.nan)
+        unknown = np.full(len(next(iter(table.values()))), np.nan)
         values = table.get("survival" if falls else self.name, unknown)
         return 1.0 - values if falls else values
 
@@ -49,6 +55,8 @@ MEASURES = (
     *(RETURN, ERROR, Measure("turning_error", "yaw rate error", "rad/s", -1)),
     *(Measure("slip", "foot slip", "m/s", -1), FALLS),
     Measure("cost_of_transport", "cost of transport", "", -1),
+    # Of episodes alone: evaluations in training have no such columns.
+    *(Measure(*vars(METRIC[name]).values()) for name in OF_EPISODES),
 )
 CURVES = (RETURN, ERROR)  # what is drawn over steps and time
 JUDGED = (RETURN, ERROR, FALLS)  # in what an arm is set against the reference
@@ -62,7 +70,7 @@ class CellFound:
     """One training."""
 
     name: str
-    seed: int
+    seed: int | None  # None of an exported policy, which does not know it
     state: str  # see `train.runs.training.Standing`
     note: str
     steps: list[float]  # of its evaluations
@@ -118,7 +126,8 @@ class ArmFound:
     """An arm in an environment: its cells and what they say together.
 
     One that learns nothing has no cells. What counts is its evaluation in the episodes that
-    trainings are evaluated in; the interval is over them, and each measure is one number.
+    trainings are evaluated in; the interval is over them, and each measure is one number. What has
+    a default here is found by `eval.study.findings.together`.
     """
 
     env_id: str
@@ -126,21 +135,25 @@ class ArmFound:
     layer: str  # action layer with its options, in words
     most: float  # return that no episode exceeds; NaN where that is not known
     cells: list[CellFound]
-    counted: list[str]
-    """Names of the cells that the numbers are of: those done, or those begun where none is."""
-    steps: float  # after which the numbers are; 0 without any
-    before: dict[str, float]  # by measure: of the zero action, the mean of the first evaluations
-    each: dict[str, list[float]]  # by measure, of each counted cell
-    final: dict[str, Estimate]  # by measure
-    by_steps: dict[str, Band]
-    by_wall: dict[str, Band]
-    steps_to: list[Crossing]  # for each threshold; empty where no velocity is commanded
-    wall_to: list[Crossing]
-    falls_to: list[Crossing]  # falls in training before it; empty where they were not counted
+    counted: list[str] = field(default_factory=list)
+    """Names of the cells that the numbers are of: those done, or those begun where none is; of what
+    learns nothing, what it is called in what was played."""
+    policy: str = ""  # what acts where nothing is learnt
+    steps: float = 0.0  # after which the numbers are; 0 without any
+    before: dict[str, float] = field(default_factory=dict)
+    """By measure: of the zero action, the mean of the first evaluations."""
+    each: dict[str, list[float]] = field(default_factory=dict)  # by measure, of each counted cell
+    final: dict[str, Estimate] = field(default_factory=dict)  # by measure
+    by_steps: dict[str, Band] = field(default_factory=dict)
+    by_wall: dict[str, Band] = field(default_factory=dict)
+    steps_to: list[Crossing] = field(default_factory=list)
+    """For each threshold; empty where no velocity is commanded."""
+    wall_to: list[Crossing] = field(default_factory=list)
+    falls_to: list[Crossing] = field(default_factory=list)
+    """Falls in training before it; empty where they were not counted."""
     versus: dict[str, Versus] = field(default_factory=dict)
     """By measure; empty for the reference and where either has no cell that is done."""
     fresh: Fresh | None = None  # None where no cell that is done has played any
-    policy: str = ""  # what acts where nothing is learnt
     level_to: dict[str, Crossing] = field(default_factory=dict)
     """"steps", "wall" and "fallen" -> when the return first reaches the `Level`; empty where there
     is none, and without falls where they were not counted."""
@@ -148,7 +161,7 @@ class ArmFound:
     @property
     def ready(self) -> bool:
         """Whether its numbers are those of an end."""
-        return bool(self.done or (self.policy and self.counted))
+        return bool(self.done or (self.policy and self.final))
 
     @property
     def done(self) -> int:
@@ -202,9 +215,9 @@ class Findings:
     reference: str
     settings: Settings
     arms: list[ArmFound]
-    across: list[Across]
     warnings: list[str]
     versions: dict[str, Any]  # of the first run that there is
+    across: list[Across] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
     """To the endpoints, once both arms have trainings that are done; if one of them learns nothing,
     once both have played fresh episodes."""

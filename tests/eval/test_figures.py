@@ -6,19 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from eval.page.figures import (
-    HEIGHT,
-    Marks,
-    Series,
-    Strip,
-    apart,
-    bars,
-    lines,
-    panel,
-    polar,
-    sheet,
-    strips,
-)
+from eval.page.figures import HEIGHT, Series, Strip, apart, bars, lines, panel, polar, sheet, strips
 from eval.results import Estimate
 from train.episodes import Metric
 
@@ -55,11 +43,11 @@ def test_a_line_goes_through_its_points_in_the_colour_of_the_page():
 
 
 def test_no_name_stands_in_the_axes():
-    """Of curves that end early no more than of a threshold."""
+    """Of curves that end early no more than of others."""
     early = Series("early", 1, X[:2], Y[:2])
-    svg = panel([early, Series("late", 2, X, Y)], "Error", "steps", marks=Marks(threshold=35.0))
+    svg = panel([early, Series("late", 2, X, Y)], "Error", "steps")
     end = max(line[:, 0].max() for line in curves_of(svg, 2))
-    for name in ("early", "late", "threshold 35"):
+    for name in ("early", "late"):
         (x, y) = re.findall(rf'x="([\d.]+)" y="([\d.]+)"[^>]*>{name}</text>', svg)[0]
         assert float(x) > end and 0.0 < float(y) < HEIGHT
 

@@ -67,7 +67,8 @@ COMMANDS = {
         ("own own", "given twice"),
         ("own --out x.pdf", "Invalid out: 'x.pdf'. Expected a file name ending in .html"),
         ("own --confidence 95", "Invalid confidence: 95.0. Expected a number from 0.01"),
-        ("own --sweep nan", "Invalid sweep: nan. Expected a number"),
+        ("own --reference cat", "Unknown reference 'cat'. Valid choices: base acceleration"),
+        ("own --pushes nan", "Invalid pushes: nan. Expected a number"),
         ("own --samples 1000000000000", "Invalid samples: 1000000000000"),
     ],
     robustness: [

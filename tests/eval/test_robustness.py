@@ -86,6 +86,8 @@ def test_robots_without_strength_or_under_huge_pushes_fall():
     own = player(2.0)
     assert play_player(at(own, "motor", 0.05), 2, seed=5).survived.max() == 0.0
     often = replace(own, env_args=own.env_args | {"push_interval": (0.2, 0.3)})
+    strongest = play_player(at(often, "push", 0.8), 2, seed=5).strongest_push
+    np.testing.assert_allclose(strongest, 0.8 * meant(own).load_robot().weight)
     assert play_player(at(often, "push", 8.0), 2, seed=5).survived.max() == 0.0
     assert play_player(at(often, "push", 0.0), 2, seed=5).survived.min() == 1.0
 

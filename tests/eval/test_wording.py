@@ -2,9 +2,13 @@
 
 import math
 
-from eval.report import headline
-from eval.results import Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
-from eval.wording import crossing, number
+from eval.results import Estimate
+from eval.robustness.curves import Curve
+from eval.study.fresh import Falls
+from eval.study.results import ArmFound, CellFound, Findings, Fresh, Settings
+from eval.study.wording import headline
+from eval.wording import interval, number
+from tests.eval.test_robustness import made
 
 SPACE = "\N{NO-BREAK SPACE}"
 
@@ -15,45 +19,34 @@ def test_numbers_and_runs_that_did_not_get_there():
         **{-0.5: "−0.5", 0.1 + 0.2: "0.3", -1e-9: "0", math.inf: "–", math.nan: "–", 99.96: "100"},
     }.items():
         assert number(value) == text
-    never, to = math.inf, f"{SPACE}to{SPACE}"
-    for each, median, text in (
-        ([10.0, 20.0], Estimate(15, 10, 20), f"15 (10{to}20)"),
-        ([never], Estimate(never), "not reached"),
-        ([0.0, 0.0], Estimate(0, 0, 0), "reached before training"),
-        ([10.0, never], Estimate(never, 10, never), "reached in 1 of 2 runs, first after 10"),
-        ([9.0, 20.0, never], Estimate(20, 9, never), f"20 (9{to}–), not reached in 1 of 3"),
-    ):
-        assert crossing(Crossing(each, median), number) == text
+    assert interval(Estimate(20, 9, math.inf)) == f"20 (9{SPACE}to{SPACE}–)"
 
 
-def comparison(
-    one: list[float], other: list[float], difference: Estimate, probability: float, p_value: float
-) -> Comparison:
-    def layer(name: str, values: list[float]) -> Layer:
-        runs = [
-            RunResult("r", "r", k, 100, 1.0, {"returned": value}, [], [], [], [])
-            for k, value in enumerate(values)
-        ]
-        mean = Estimate(sum(values) / len(values), min(values), max(values))
-        metrics = {"returned": mean, "velocity_error": Estimate(math.nan)}
-        return Layer(name, {}, runs, metrics, {"returned": 1.0}, None, None, None, None, [], [])
-
-    return Comparison(
-        "e", {}, Settings(), [layer("first", one), layer("second", other)],
-        [Pair("first", "second", Estimate(probability), difference, p_value)],
-        None, 0.0, [], [], {}, {},
-    )  # fmt: skip
+def findings(**returns: list[float]) -> Findings:
+    """Arms by name, of so many runs with these returns in fresh episodes."""
+    arms = []
+    for name, its in returns.items():
+        cells = [CellFound("", 0, "done", "", [], [], [], {}, "") for _ in its]
+        final = {"return_mean": Estimate(sum(its) / len(its))}
+        fresh = Fresh([""] * len(its), Falls(0, 4), {"return_mean": its}, final)
+        arms.append(ArmFound("e", name, name, math.nan, cells, fresh=fresh))
+    return Findings("", "", "second", Settings(samples=300), arms, [], {})
 
 
 def test_the_headline_claims_no_more_than_was_found_and_tells_the_numbers():
-    separated = comparison([400, 410], [300, 310], Estimate(100, 90, 110), 1.0, 1 / 3)
+    separated = findings(second=[300, 310], first=[400, 410])
     words = "Every seed of first returns more than every seed of second, but"
     assert headline(separated).startswith(words)
     assert "two against" not in headline(separated) and "cannot rule out" in headline(separated)
     assert headline(separated).endswith("return 405 against 305.")
-    mixed = comparison([400, 290], [300, 310], Estimate(40, -20, 100), 0.5, 0.67)
-    assert headline(mixed).startswith("No clear difference in return")
-    clear = comparison([400.0] * 5, [300.0] * 5, Estimate(100, 90, 110), 1.0, 2 / 252)
+    mixed = headline(findings(first=[400, 290], second=[300, 310]))
+    assert mixed.startswith("No clear difference in return")
+    clear = findings(first=[400.0] * 5, second=[300.0] * 5, third=[9.0])
     assert headline(clear).startswith("First returns more than second (p = 0.0079)")
-    single = comparison([400], [300], Estimate(100), 1.0, 1.0)
+    single = findings(first=[400], second=[300])
     assert "one run cannot say" in headline(single)
+    assert headline(findings(first=[400, 410])) == "First over two seeds: return 405."
+    its = {"first": (1.0, 0.9), "second": (1.0, 0.4)}
+    curves = {name: Curve([*map(Estimate, own)], Estimate(0.5)) for name, own in its.items()}
+    words = f"90{SPACE}% against 40{SPACE}% stay up under pushes of 1 times their weight, where"
+    assert f"{words} they differ most." in headline(single, made(curves))

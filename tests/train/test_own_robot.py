@@ -90,7 +90,7 @@ def test_another_robot_is_played_on_only_with_a_word(folder, tmp_path, capsys):
     returns(tmp_path, run, "--robot", "quadruped")
     assert "run was trained on robot 'dog' (" in capsys.readouterr().out
     out = tmp_path / "report.html"
-    few = ["--episodes", "2", "--sweep", "1", "--sweep-episodes", "2", "--samples", "50"]
+    few = ["--episodes", "2", "--pushes", "0.2", "--push-episodes", "2", "--samples", "50"]
     words = [run, "--robot", "quadruped", "--out", str(out), "--video-seconds", "0", *few]
     assert compare(words) == 0
     assert "is played on robot 'quadruped'" in " ".join(capsys.readouterr().out.split())
