@@ -57,7 +57,7 @@ def factors(
 
 def _panels(found: Robustness, along: Along, colours: Mapping[str, int]) -> list[Markup]:
     """Return a panel for each measure, all arms in it."""
-    factor = BY_NAME[along.name]
+    factor, ends = BY_NAME[along.name], (along.values[0], along.values[-1])
     return [
         panel(
             _series(found, along.values, along.curves[measure], colours),
@@ -65,7 +65,7 @@ def _panels(found: Robustness, along: Along, colours: Mapping[str, int]) -> list
             factor.axis,
             factor.written,
             form_of(METRIC[measure]),
-            (along.values[0], along.values[-1]),
+            ends if len(along.values) > 1 else None,
             (0.0, 1.04) if measure == "survived" else None,
             Marks(upright=along.nominal),
         )
