@@ -63,7 +63,7 @@ def page(
         across_heads=[f"{capital(measure.label)}: does better" for measure in across],
         thresholds=[f"{number(value)} m/s" for value in found.settings.thresholds],
         measures=[m for m in MEASURES if any(arm.has(m) for arm in found.arms)],
-        seeds=min(len(arm.cells) for arm in found.arms if arm.cells),
+        seeds=min((len(arm.counted) for arm in found.arms if arm.cells and arm.counted), default=5),
         ceiling=coverage_ceiling,
         chance=lambda seeds: 2.0 / math.comb(2 * seeds, seeds),
         trained=_trained,
