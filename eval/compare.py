@@ -203,7 +203,7 @@ def run(config: CompareConfig, command: list[str]) -> None:
             with progress(console, "pushes") as tell:
                 stood[found.arms[0].env_id] = under_pushes(found, players, config, tell)
         except FbidError as error:  # the rest stands without it
-            missing.append(f"What they stand under pushes is not known: {error}")
+            missing.append(f"Survival under pushes is not known: {error}")
     if config.video_seconds > 0:
         push = config.video_push
         with progress(console, "clips") as tell:

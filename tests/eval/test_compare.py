@@ -56,7 +56,7 @@ def test_the_page_stands_alone_and_holds_every_run(four_runs, tmp_path):
     assert not re.search(r"https?://|//[a-z]+\.|@import|url\((?!#)|<link", html)
     for folder in four_runs:
         assert folder.name in words_of(html)
-    assert "What they stand under pushes is not known" in words_of(html)  # not our environment
+    assert "Survival under pushes is not known" in words_of(html)  # not our environment
     assert sorted(path.name for path in out.parent.iterdir()) == ["report.html", "report.json"]
 
 

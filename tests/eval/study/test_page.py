@@ -54,7 +54,7 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
     out = tmp_path / "page.html"
     config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
     assert main(config) == 0
-    assert "What they stand that they were not trained for" in out.read_text()
+    assert "Other conditions than in training" in out.read_text()
     assert json.loads(out.with_suffix(".json").read_text())["reference"] == "one"
     assert main(replace(config, video_seconds=1.0)) == 0  # of a run that has no policy
     assert f"There is no clip of {first.config.folder.name}" in out.read_text()
