@@ -56,8 +56,9 @@ def _numbers(best: Sequence[tuple[ArmFound, Fresh]], stood: Robustness | None) -
     along = stood.along[0]
     curves = [along.curves["survived"][arm.name] for arm, _ in best]
     shares = np.array([[point.value for point in curve.points] for curve in curves])
-    at = int(np.argmax(np.ptp(shares, axis=0))) if len(best) > 1 else -1
+    differ = np.ptp(shares, axis=0)
+    at = int(np.argmax(differ)) if differ.any() else -1
     up = " against ".join(percent(share) for share in shares[:, at])
-    most = ", where they differ most" if len(best) > 1 and len(along.values) > 1 else ""
+    most = ", where they differ most" if differ.any() and len(shares[0]) > 1 else ""
     size = number(along.values[at])
     return f"{said}; {up} stay up under pushes of {size} times their weight{most}"

@@ -50,3 +50,5 @@ def test_the_headline_claims_no_more_than_was_found_and_tells_the_numbers():
     curves = {name: Curve([*map(Estimate, own)], Estimate(0.5)) for name, own in its.items()}
     words = f"90{SPACE}% against 40{SPACE}% stay up under pushes of 1 times their weight, where"
     assert f"{words} they differ most." in headline(single, made(curves))
+    curves["second"] = curves["first"]
+    assert headline(single, made(curves)).endswith("pushes of 1 times their weight.")
