@@ -125,6 +125,7 @@ def test_where_nothing_can_be_written_one_line_says_so(probe):
         assert "cannot be kept" in said and str(probe / "__pycache__") in said and cache in said
 
 
+@pytest.mark.slow
 def test_truncated_files_are_made_anew(probe):
     assert run(probe) == (COLD, [])
     (file,) = (f for f in probe.glob("__pycache__/compiled-*/*") if f.suffix != ".lock")

@@ -80,6 +80,7 @@ def wrenches(geometry, terms, forces):
     return found
 
 
+@pytest.mark.slow
 @either_limits
 def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     """Foot by foot, to 1e-8 of the weight with limits and 1e-4 without (its feet creep)."""
@@ -95,6 +96,7 @@ def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     assert said[..., 2].min() > 0.1 * robot.weight / robot.num_feet
 
 
+@pytest.mark.slow
 @either_limits
 def test_promised_accelerations_come_true(robot, limits):
     """For 60 ms of each action: the velocity gained is the promised acceleration's integral.

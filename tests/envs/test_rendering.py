@@ -253,6 +253,7 @@ def picture(**arguments):
     return frame
 
 
+@pytest.mark.slow
 def test_size_and_camera_of_a_picture():
     assert picture(width=96, height=1200).shape == (1200, 96, 3)
     aims = ({}, {"azimuth": 0.0}, {"distance": 9.0, "elevation": -60.0})

@@ -67,15 +67,19 @@ def test_what_is_resolved_is_the_same_environment(name, arguments):
 def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
     given = {"push_force": (3, 4), "layer_options": {"scale": 0.1}, "action_layer": "other"}
 
-    def other(robot, control_hz, kind, *, scale=0.3, damping_ratio=0.5):
-        return JointPosition.of(robot, control_hz, kind, scale=scale, damping_ratio=damping_ratio)
+    def version(default):
+        def other(robot, control_hz, kind, *, scale=0.3, damping_ratio=default):
+            own = {"scale": scale, "damping_ratio": damping_ratio}
+            return JointPosition.of(robot, control_hz, kind, **own)
 
-    monkeypatch.setitem(LAYERS, "other", other)
+        return other
+
+    monkeypatch.setitem(LAYERS, "other", version(0.5))
     resolved = resolved_arguments("fbid_gym/BipedBalance-v0", given)
     assert resolved["push_force"] == [3, 4]
     added = {"footholds": False, "step_rate": False, "residual_torque": 0.0}
     assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5} | added
-    monkeypatch.setitem(other.__kwdefaults__, "damping_ratio", 0.7)
+    monkeypatch.setitem(LAYERS, "other", version(0.7))
     again = resolved_arguments("fbid_gym/BipedBalance-v0", given)
     assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7} | added}
 

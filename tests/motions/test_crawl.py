@@ -64,6 +64,7 @@ def test_one_foot_swings_at_a_time_and_each_once(walk):
     assert order == ["hind_left", "front_left", "hind_right", "front_right"]
 
 
+@pytest.mark.slow
 def test_the_walk_could_stop_anywhere(any_walk):
     """The centre of mass stays over the planted feet, and so does the centre of pressure."""
     robot, walk = any_walk.tables[0].robot, any_walk

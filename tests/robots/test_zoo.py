@@ -98,6 +98,7 @@ def test_its_feet_are_found_and_its_servos_gains_kept(animal: zoo.Morphology) ->
         np.testing.assert_allclose(robot.servo_gains.stiffness, stiffness, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     """Level on the ground, within the joint ranges, nothing to say against it."""
     robot = load_animal(animal, animal.foot_names, home="stand")

@@ -81,6 +81,7 @@ def test_a_disk_that_fills_up_leaves_a_checkpoint_to_continue_from(straight, tmp
     stand_in.assert_same_run(straight, tmp_path)
 
 
+@pytest.mark.slow
 def test_interrupted_with_control_c_is_the_same_run(straight, tmp_path):
     output = stand_in.train_and_die(tmp_path, 16 * 2 + 5, signal.SIGINT)
     assert "stops after this iteration" in output

@@ -20,6 +20,7 @@ def made():
     return pages()
 
 
+@pytest.mark.slow
 def test_a_page_for_everything_and_no_gap_left(made):
     text = (ROOT / "mkdocs.yml").read_text()
     assert "\nstrict: true\n" in text

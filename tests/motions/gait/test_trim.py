@@ -75,6 +75,7 @@ def test_each_robot_has_its_own_as_if_it_were_alone_and_begins_without(rng):
         np.testing.assert_array_equal(memory[name][one], value, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layer", ["base_acceleration", "joint_position"])
 def test_a_load_off_the_centre_leaves_no_lasting_error(layer):
     """Nor another wrong model: by layers that know the dynamics, and those that do not."""

@@ -37,6 +37,7 @@ def _job(folder: Path, name: str, script: str) -> Job:
     return Job(name, command, folder / "logs" / f"{name}.log", progress)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terminal", [False, True])
 def test_jobs_run_so_many_at_a_time_and_are_shown(tmp_path, monkeypatch, terminal):
     """Each notes who else is running when it starts and when it ends."""
