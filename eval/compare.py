@@ -208,7 +208,7 @@ def run(config: CompareConfig, command: list[str]) -> None:
         push = config.video_push
         with progress(console, "clips") as tell:
             clips, lost = film(
-                found,
+                replace(found, arms=[arm for arm in found.arms if arm.cells]),
                 lambda name: players[name] if push is None else at(players[name], PUSH, push),
                 config.video_seconds,
                 tell,
