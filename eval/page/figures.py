@@ -41,7 +41,6 @@ class Series:
     high: Values | None = None
     singles: Sequence[tuple[Values, Values]] = field(default=())
     """Curves of single runs, drawn thin."""
-    level: float | None = None  # a level to compare with, drawn dashed: what the zero action earns
     dashed: Values | None = None  # a curve to compare with on the same abscissae, drawn dashed
     dots: bool = False  # mark the points of the curve
 
@@ -139,14 +138,11 @@ def panel(
 
 def _curve(axes: Axes, item: Series) -> None:
     colour = COLOUR[f"c{item.colour}"]
-    dashed: Any = {"color": colour, "linewidth": 1.3, "linestyle": (0, (4, 3)), "alpha": 0.8}
     if item.low is not None and item.high is not None and len(item.x) > 1:
         axes.fill_between(item.x, item.low, item.high, color=colour, alpha=0.14, linewidth=0)
-    if item.level is not None:
-        told = tooltip(f"{item.name}, zero action: {number(item.level)}")
-        axes.axhline(item.level, gid=told, **dashed)
     if item.dashed is not None:
-        axes.plot(item.x, item.dashed, gid=tooltip(f"{item.name}, zero action"), **dashed)
+        axes.plot(item.x, item.dashed, gid=tooltip(f"{item.name}, zero action"),
+                  color=colour, linewidth=1.3, linestyle=(0, (4, 3)), alpha=0.8)  # fmt: skip
     for x, y in item.singles:
         axes.plot(x, y, color=colour, linewidth=0.9, alpha=0.55)
     dots = item.dots or np.isfinite(item.value).sum() == 1
