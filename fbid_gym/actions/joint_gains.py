@@ -123,6 +123,23 @@ def feedback(
     return torque
 
 
+def at_joints(gains: JointGains, state: RobotState) -> np.ndarray:
+    """Return the part of `feedback` that drives make of their own joints: -K_P q - K_D qdot."""
+    return -gains.stiffness * state.qpos[:, 7:] - gains.damping * state.qvel[:, 6:]
+
+
+def closed_in_drives(in_drives: bool | None, loop_delay: float) -> bool:
+    """Return whether drives close a loop: as told, or where the layer knows of no delay.
+
+    Raises:
+        InvalidValueError: drives that answer after a delay.
+    """
+    if in_drives and loop_delay:
+        expected = "0 with in_drives=True: drives answer their joints without delay"
+        raise InvalidValueError("loop_delay", loop_delay, expected)
+    return not loop_delay if in_drives is None else in_drives
+
+
 def servo_fault(robot: Robot, control_hz: int, loop_delay: float = 0.0) -> str:
     """Say why the gains of the file's servos do not serve; an empty string if they do.
 

@@ -10,6 +10,8 @@ from fbid_gym.actions.joint_gains import (
     SERVO,
     JointGains,
     as_quick_as_steps,
+    at_joints,
+    closed_in_drives,
     damped_enough,
     fed_drag,
     feedback,
@@ -45,6 +47,7 @@ class JointPosition(Memoryless):
     carries: Pendulum | None  # as which the legs carry the robot instead; None where `hold` does
     gains: JointGains  # of the joints
     scale: float  # rad (m for slides) at action 1
+    in_drives: bool  # whether the motors' drives close the loop
 
     @classmethod
     @checked
@@ -60,6 +63,7 @@ class JointPosition(Memoryless):
         scale: TargetScale = 0.3,
         pendulum: bool | None = None,
         loop_delay: LoopDelay = 0.0,
+        in_drives: bool | None = None,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
 
@@ -82,11 +86,15 @@ class JointPosition(Memoryless):
                 pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
                 the home stance. Default: where feet leave the ground.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
+            in_drives: whether the motors' drives close the PD loop, as on most legged robots: they
+                answer their joints at once, and what waits for a delay is their targets. Default:
+                unless the layer is told of a `loop_delay`.
 
         Raises:
-            InvalidValueError: out of range, beyond what any joint can be held with, or a pendulum
-                where the home posture is followed.
+            InvalidValueError: out of range, beyond what any joint can be held with, a pendulum
+                where the home posture is followed, or a delay of drives.
         """
+        in_drives = closed_in_drives(in_drives, loop_delay)
         at_home = reference == "home"
         followed = kind._replace(gait=kind.gait and not at_home)
         if pendulum and at_home:
@@ -114,7 +122,7 @@ class JointPosition(Memoryless):
         )
         home, hold = home_target(robot) if at_home else None, holding_torque(robot)
         carries = Pendulum.of(robot, kind, hold, links=False) if falls else None
-        return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale)
+        return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale, in_drives)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -144,6 +152,10 @@ class JointPosition(Memoryless):
             return _place_feet(self.motion.legs, self.gains, added, held, state, target, terms())
         still, followed = np.zeros((1, len(self.hold))), JointTarget.of(self.home or target)
         return feedback(self.gains, added, still, held, state, followed)
+
+    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+        """See `ActionLayer`."""
+        return at_joints(self.gains, state) if self.in_drives else 0.0
 
 
 @kernel

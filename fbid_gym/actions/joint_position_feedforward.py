@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BodyOptions, in_hz
-from fbid_gym.actions.joint_gains import JointGains, feedback
+from fbid_gym.actions.joint_gains import JointGains, at_joints, closed_in_drives, feedback
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget
 from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.layer import GetTerms
@@ -98,6 +98,7 @@ class JointPositionFeedforward(LawLayer):
     # w^2 (1/s^2) and 2 w (1/s) of the centre of mass; None for eq. (18) without balance.
     balance: tuple[float, float] | None
     contact: ContactOptions  # what it assumes of contacts
+    in_drives: bool  # whether the motors' drives make the feedback
 
     @classmethod
     @checked
@@ -116,6 +117,7 @@ class JointPositionFeedforward(LawLayer):
         ]
         | None = None,
         loop_delay: LoopDelay = 0.0,
+        in_drives: bool | None = None,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointPositionFeedforward":
         """Build the layer.
@@ -134,10 +136,13 @@ class JointPositionFeedforward(LawLayer):
                 for eq. (18) without balance. Default: that of `fbid_gym.actions.gains`.
             loop_delay: s from the state to the torque that answers it, for which the gains of the
                 feedback are steady.
+            in_drives: whether the motors' drives make the feedback, as on most legged robots: see
+                `joint_position`. Default: unless the layer is told of a `loop_delay`.
             contact: what it assumes of contacts.
 
         Raises:
-            InvalidValueError: out of range, or beyond what any joint can be held with.
+            InvalidValueError: out of range, beyond what any joint can be held with, or a delay of
+                drives.
         """
         balance = balance_frequency or (None if kind.gait else _BALANCE)
         own = BodyOptions(balance_frequency=balance).gains(robot, kind)
@@ -155,6 +160,7 @@ class JointPositionFeedforward(LawLayer):
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),
             balance=None if balance_frequency == 0.0 else (own.balance, own.balance_damping),
             contact=assumed,
+            in_drives=closed_in_drives(in_drives, loop_delay),
         )
 
     @property
@@ -193,6 +199,10 @@ class JointPositionFeedforward(LawLayer):
         torque = feedback(self.gains, offset, offset_rate, torque, state, joints)
         move_on(self.offset, action, offset, offset_rate)
         return torque
+
+    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+        """See `ActionLayer`."""
+        return at_joints(self.gains, state) if self.in_drives else 0.0
 
 
 @kernel

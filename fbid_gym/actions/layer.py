@@ -18,6 +18,9 @@ class ActionLayer(Protocol):
     `Memory` that the caller keeps, so that resetting one robot is resetting one row. In every layer
     the zero action means "follow the task's target as well as this layer can"; where the task is to
     stand, that is to hold the home posture.
+
+    A layer may also have `drive_torque(state)`: what of its torques the motors' drives make of
+    their own joints, (N, n) N·m. That part does not wait for a delay of the loop.
     """
 
     @property

@@ -7,6 +7,8 @@ waits here, and layers see the present. A policy's actions wait elsewhere, and l
 
 A delay need not be a whole number of control ticks. Where a torque arrives in the middle of one,
 the mean of the old and the new one acts during the tick: the same impulse.
+
+What the motors' drives make of their own joints does not wait: they measure and act on the spot.
 """
 
 from dataclasses import dataclass
@@ -19,8 +21,8 @@ class LoopDelay:
     """Of N robots."""
 
     control_hz: int  # control ticks per second
-    # All that changes, by name: "torque" (N, H, n) N·m, the last ones, newest first; "ticks" (N,),
-    # the delays in control ticks.
+    # All that changes, by name: "torque" (N, H, n) N·m, the last ones sent, newest first; "ticks"
+    # (N,), the delays in control ticks.
     arrays: dict[str, np.ndarray]
 
     @property
@@ -39,21 +41,25 @@ class LoopDelay:
         """Begin episodes of robots (K,) with delays (K,) s."""
         self.arrays["ticks"][ids] = np.round(seconds * self.control_hz, 6)
 
-    def arriving(self, torque: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    def arriving(
+        self, torque: np.ndarray, tick: np.ndarray, own: np.ndarray | float = 0.0
+    ) -> np.ndarray:
         """Return the torques (N, n) N·m that act now, where such torques have just been made.
 
         Before the first one arrives it acts at once: the robots stood there, held by it, before.
-        Their episodes began `tick` (N,) control ticks ago.
+        Their episodes began `tick` (N,) control ticks ago. The drives make their `own` part (N, n)
+        of these torques themselves: that part acts now.
         """
         waiting, ticks = self.arrays["torque"], self.arrays["ticks"]
         if self.most_ticks == 0:
             return torque
         waiting[:, 1:] = waiting[:, :-1]
-        waiting[:, 0] = torque
+        waiting[:, 0] = torque - own
         begun = tick == 0
-        waiting[begun] = torque[begun, None]
+        waiting[begun] = waiting[begun, :1]
         whole = ticks.astype(np.int64)
         rest, robots = (ticks - whole)[:, None], np.arange(len(ticks))
         older = np.minimum(whole + 1, self.most_ticks)
-        found: np.ndarray = (1.0 - rest) * waiting[robots, whole] + rest * waiting[robots, older]
-        return found
+        arrived = (1.0 - rest) * waiting[robots, whole] + rest * waiting[robots, older]
+        acting: np.ndarray = arrived + own
+        return acting

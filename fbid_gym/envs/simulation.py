@@ -143,7 +143,6 @@ class Simulation:
         `effort`, and updates `state`, whose arrays are the caller's but for `contact_force`, which
         is the simulation's.
         """
-        torque = self.loop.arriving(torque, state.tick)
         steps, seconds, share = self._turn
         for _ in range(self._turns):
             own = self._wiring, self._drives, self._motors

@@ -113,6 +113,11 @@ class ControlLoop:
         torque = answers.as_numbers(torque, self._torque_shape, self.layer, "torque")
         return torque if self._residual is None else torque + self._residual
 
+    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+        """Return what of the layer's torques the motors' drives make themselves, (N, n) N·m."""
+        made = getattr(self.layer, "drive_torque", None)
+        return made(state) if made else 0.0
+
     def outcome(
         self, state: RobotState, terms: DynamicsTerms, effort: Effort, sums: dict[str, np.ndarray]
     ) -> Outcome:

@@ -58,8 +58,25 @@ def test_a_delay_that_is_not_told_shakes_what_a_told_one_does_not(rng):
     assert (aware.damping < unaware.damping).any()
 
 
+@pytest.mark.parametrize("sensors", ["perfect", "mems"])
+def test_drives_that_close_the_loop_hold_a_posture_as_without_a_delay(sensors):
+    """Targets that stay are never late; torques that answer joints are."""
+    stand = ENVIRONMENTS["fbid_gym/QuadrupedBalance-v0"] | {"action_layer": "joint_position"}
+    states = []
+    for late, driven in ((1e-9, True), (0.012, True), (0.012, False)):  # and the same draws
+        own = {"randomisation": {"loop_delay": (late, late)}, "sensors": sensors}
+        batch = started(stand | own | {"layer_options": {"in_drives": driven}}, 4)
+        for _ in range(20):  # before noise of rounding grows to a tick of an encoder
+            batch.step(np.zeros((4, len(batch.action_names))))
+        states.append(batch.simulation.qpos.copy())
+    np.testing.assert_allclose(states[0], states[1], rtol=0.0, atol=1e-6)
+    assert abs(states[0] - states[2]).max() > 1e-3
+
+
 def test_delays_beyond_any_are_refused():
     robot = robots.load("biped")
+    with pytest.raises(FbidError, match=r"loop_delay.*Expected 0 with in_drives=True"):
+        layer_of("joint_position", robot, loop_delay=0.005, in_drives=True)
     with pytest.raises(FbidError, match=r'loop_delay.* or the balancer "inverse_dynamics"'):
         layer_of("com_wrench", robot, balancer="ott2011", loop_delay=0.005)
     with pytest.raises(FbidError, match=r"at most .* and 0.03 s of delay"):

@@ -115,6 +115,12 @@ def test_torques_act_their_delay_later_and_no_impulse_is_lost(rng: np.random.Gen
     np.testing.assert_allclose(acted[2:, 2], 0.75 * made[1:-1, 2] + 0.25 * made[:-2, 2])
     np.testing.assert_array_equal(acted[0], made[0])
     assert loop.most_ticks == int(np.ceil(0.01 * hertz))
+    # What drives make themselves acts in the tick in which it is made.
+    own = rng.normal(size=made.shape)
+    again = LoopDelay.of(3, 2, 250, 0.01)
+    again.begin(np.arange(3), np.array([0.0, 0.008, 0.005]))
+    driven = [again.arriving(made[t] + own[t], np.full(3, t), own[t]) for t in range(40)]
+    np.testing.assert_allclose(driven, acted + own, atol=1e-12)
 
 
 def played(count: int, steps: int, **arguments: Any) -> tuple[Any, list[np.ndarray]]:
