@@ -153,9 +153,9 @@ class JointPosition(Memoryless):
         still, followed = np.zeros((1, len(self.hold))), JointTarget.of(self.home or target)
         return feedback(self.gains, added, still, held, state, followed)
 
-    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+    def drive_torque(self, state: RobotState) -> np.ndarray | None:
         """See `ActionLayer`."""
-        return at_joints(self.gains, state) if self.in_drives else 0.0
+        return at_joints(self.gains, state) if self.in_drives else None
 
 
 @kernel

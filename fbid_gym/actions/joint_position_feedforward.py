@@ -200,9 +200,9 @@ class JointPositionFeedforward(LawLayer):
         move_on(self.offset, action, offset, offset_rate)
         return torque
 
-    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+    def drive_torque(self, state: RobotState) -> np.ndarray | None:
         """See `ActionLayer`."""
-        return at_joints(self.gains, state) if self.in_drives else 0.0
+        return at_joints(self.gains, state) if self.in_drives else None
 
 
 @kernel

@@ -20,7 +20,7 @@ class ActionLayer(Protocol):
     stand, that is to hold the home posture.
 
     A layer may also have `drive_torque(state)`: what of its torques the motors' drives make of
-    their own joints, (N, n) N·m. That part does not wait for a delay of the loop.
+    their own joints, (N, n) N·m, or None. That part does not wait for a delay of the loop.
     """
 
     @property

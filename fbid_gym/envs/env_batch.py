@@ -258,8 +258,9 @@ class EnvBatch:
                 self.simulation.jump(pushed.jump[tick])
                 self.look()
             torque = self.loop.torque(tick, state, terms, actual)
-            own = self.loop.drive_torque(state)
-            torque = self.simulation.loop.arriving(torque, self._tick, own)
+            if self.simulation.loop.most_ticks:
+                own = self.loop.drive_torque(state)
+                torque = self.simulation.loop.arriving(torque, self._tick, own)
             if self.perception is not None:
                 self.perception.estimator.prepare(terms)
             self.simulation.tick(torque, push, self._effort, self._state)

@@ -51,8 +51,6 @@ class LoopDelay:
         of these torques themselves: that part acts now.
         """
         waiting, ticks = self.arrays["torque"], self.arrays["ticks"]
-        if self.most_ticks == 0:
-            return torque
         waiting[:, 1:] = waiting[:, :-1]
         waiting[:, 0] = torque - own
         begun = tick == 0

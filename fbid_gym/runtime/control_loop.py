@@ -113,10 +113,12 @@ class ControlLoop:
         torque = answers.as_numbers(torque, self._torque_shape, self.layer, "torque")
         return torque if self._residual is None else torque + self._residual
 
-    def drive_torque(self, state: RobotState) -> np.ndarray | float:
+    def drive_torque(self, state: RobotState) -> np.ndarray:
         """Return what of the layer's torques the motors' drives make themselves, (N, n) N·m."""
-        made = getattr(self.layer, "drive_torque", None)
-        return made(state) if made else 0.0
+        make = getattr(self.layer, "drive_torque", None)  # those of users may have none
+        made = None if make is None else make(state)
+        made = np.zeros(self._torque_shape) if made is None else made
+        return answers.as_numbers(made, self._torque_shape, self.layer, "drive_torque")
 
     def outcome(
         self, state: RobotState, terms: DynamicsTerms, effort: Effort, sums: dict[str, np.ndarray]

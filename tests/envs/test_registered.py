@@ -165,6 +165,15 @@ def test_torques_that_are_refused() -> None:
             stepped(action_layer="limp", layer_options={"answer": answer})
 
 
+def test_torques_of_drives_that_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    register_layer("limp", limp)
+    late: dict[str, Any] = {"action_layer": "limp", "randomisation": {"loop_delay": (0.0, 0.01)}}
+    stepped(**late)  # a layer that says nothing of drives
+    monkeypatch.setattr(Limp, "drive_torque", lambda layer, state: np.zeros(12), raising=False)
+    with pytest.raises(ShapeError, match=r"drive_torque of Limp.*\(12,\).*\(2, 12\)"):
+        stepped(**late)
+
+
 WIDE = Group(("z",), 1.0, lambda measured: np.zeros((2, 3)))
 
 
