@@ -19,8 +19,7 @@ class ActionLayer(Protocol):
     the zero action means "follow the task's target as well as this layer can"; where the task is to
     stand, that is to hold the home posture.
 
-    A layer may also have `drive_torque(state)`: what of its torques the motors' drives make of
-    their own joints, (N, n) N·m, or None. That part does not wait for a delay of the loop.
+    It may have `drive_torque(state)`: the part, (N, n) N·m, that drives make without a delay.
     """
 
     @property
