@@ -209,11 +209,12 @@ def drawn(found: list[Played]) -> str:
         for colour, layer in enumerate(layers):
             own = sorted((one for one in arms_ if one.layer == layer), key=lambda one: one.bodies)
             beside = {one.name: mean(one).item() for one in laws if one.layer == layer}
-            zero = next((v for name, v in beside.items() if name.startswith(ZERO)), None)
             x = [float(np.log2(one.bodies)) for one in own]
             y = [mean(one) for one in own]
             middle, low, high = ([float(f(v)) for v in y] for f in (np.mean, np.min, np.max))
-            series.append(Series(layer, colour, x, middle, low, high, level=zero, dots=True))
+            zero = [[v] * len(x) for name, v in beside.items() if name.startswith(ZERO)]
+            dashed = zero[0] if zero else None
+            series.append(Series(layer, colour, x, middle, low, high, dashed=dashed, dots=True))
             series += [
                 Series(f"one gain, {layer}", colour, [0.0, float(np.log2(most))], [v, v])
                 for name, v in beside.items()
