@@ -212,9 +212,8 @@ def drawn(found: list[Played]) -> str:
             x = [float(np.log2(one.bodies)) for one in own]
             y = [mean(one) for one in own]
             middle, low, high = ([float(f(v)) for v in y] for f in (np.mean, np.min, np.max))
-            zero = [[v] * len(x) for name, v in beside.items() if name.startswith(ZERO)]
-            dashed = zero[0] if zero else None
-            series.append(Series(layer, colour, x, middle, low, high, dashed=dashed, dots=True))
+            zero = next(([v] * len(x) for name, v in beside.items() if name.startswith(ZERO)), None)
+            series.append(Series(layer, colour, x, middle, low, high, dashed=zero, dots=True))
             series += [
                 Series(f"one gain, {layer}", colour, [0.0, float(np.log2(most))], [v, v])
                 for name, v in beside.items()
