@@ -183,6 +183,9 @@ class ContactOptions:
     on its ground, if that is less."""
     notice_slip: bool = True
     """Count on less friction while feet that stand slip, see `fbid_gym.control.grip`."""
+    contact_time: Annotated[float, Number(0.0, 1.0, "s")] = 0.0
+    """s, time constant of the feet's contacts, the first number of MuJoCo's `solref`. On soft ones
+    feet land for longer and creep faster before they count as slipping. 0: as hard as can be."""
     min_normal_force: Annotated[float, Number(0.0, 100.0)] = 0.0
     """Least normal force of a point in contact, share of the weight."""
     max_normal_force: Annotated[float, Number(0.0, np.inf)] = np.inf

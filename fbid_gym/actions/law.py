@@ -120,7 +120,11 @@ class Law(OnContacts):
             passive=contact.passive(robot),
             motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
             grip=GripModel.of(
-                stance.falling_rate, robot.gravity, 1.0 / control_hz, notices=contact.notice_slip
+                stance.falling_rate,
+                robot.gravity,
+                1.0 / control_hz,
+                contact.contact_time,
+                notices=contact.notice_slip,
             ),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)

@@ -27,6 +27,8 @@ _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 # landing, 390 without notice.
 _LANDING, _LOSING, _RECOVERING, _SPEED = 0.06, 0.15, 12.0, 0.06
 
+_SOFT = 0.05  # in T: contacts that take longer are soft
+
 
 class GripModel(NamedTuple):
     """When feet slip, and how fast a law takes notice."""
@@ -38,12 +40,19 @@ class GripModel(NamedTuple):
     recovering: float  # s, the same while none does
 
     @classmethod
-    def of(cls, falling_rate: float, gravity: float, tick: float, *, notices: bool) -> "GripModel":
-        """Build it for a robot that falls over at a rate (1/s), under a gravity (m/s^2)."""
+    def of(
+        cls, falling_rate: float, gravity: float, tick: float, contact_time: float, *, notices: bool
+    ) -> "GripModel":
+        """Build it for a robot that falls over at a rate (1/s), under a gravity (m/s^2).
+
+        On contacts with a time constant of `contact_time` s, if that is long, feet land for longer
+        and creep faster. None is harder than two steps of the physics, here those of the law.
+        """
         time = 1.0 / falling_rate
         losing = _LOSING * time if notices else math.inf
-        speed = _SPEED * gravity * time
-        return cls(tick, _LANDING * time, speed, losing, _RECOVERING * time)
+        softer = max(contact_time / max(_SOFT * time, 2.0 * tick), 1.0)
+        landing, speed = _LANDING * time * softer, _SPEED * gravity * time * softer
+        return cls(tick, landing, speed, losing, _RECOVERING * time)
 
 
 @compiled
