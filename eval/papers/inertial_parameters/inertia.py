@@ -63,9 +63,9 @@ def consistency(parameters: np.ndarray) -> np.ndarray:
     """
     matrix = pseudo_inertia(parameters)
     diagonal = np.abs(np.diagonal(matrix, axis1=-2, axis2=-1))
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = scale[..., :, None] * matrix * scale[..., None, :]
-    return np.linalg.eigvalsh(scaled)[..., 0]
+    rounding = 1e-12 * diagonal[..., :3].max(axis=-1, keepdims=True)
+    scale = 1.0 / np.sqrt(np.where(diagonal > rounding, diagonal, 1.0))
+    return np.linalg.eigvalsh(scale[..., :, None] * matrix * scale[..., None, :])[..., 0]
 
 
 def body_parameters(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
