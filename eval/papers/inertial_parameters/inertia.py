@@ -59,7 +59,7 @@ def consistency(parameters: np.ndarray) -> np.ndarray:
 
     Returns:
         (...,) smallest eigenvalue of the pseudo-inertia, its rows and columns scaled so that the
-        diagonal is 1 in size; positive exactly if the body can exist, and at most 1.
+        diagonal is 1 in size, or 0; positive exactly if the body can exist, and at most 1.
     """
     matrix = pseudo_inertia(parameters)
     diagonal = np.abs(np.diagonal(matrix, axis1=-2, axis2=-1))
