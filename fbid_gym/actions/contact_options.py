@@ -18,7 +18,7 @@ from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.quantities import Memory, RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.robots.home_check import ASSUMED_FRICTION, friction_of_feet
+from fbid_gym.robots.home_check import ASSUMED_FRICTION, contact_time_of_feet, friction_of_feet
 
 ContactBelief = Callable[[RobotState, Target], np.ndarray]
 """Returns which points are in contact: (N, P) bool."""
@@ -183,9 +183,9 @@ class ContactOptions:
     on its ground, if that is less."""
     notice_slip: bool = True
     """Count on less friction while feet that stand slip, see `fbid_gym.control.grip`."""
-    contact_time: Annotated[float, Number(0.0, 1.0, "s")] = 0.0
-    """s, time constant of the feet's contacts, the first number of MuJoCo's `solref`. On soft ones
-    feet land for longer and creep faster before they count as slipping. 0: as hard as can be."""
+    contact_time: Annotated[float, Number(0.0, 1.0, "s")] | None = None
+    """s, time constant of the feet's contacts, the first number of MuJoCo's `solref`: so long feet
+    may move on when they land before they count as slipping. None: that of the model's feet."""
     min_normal_force: Annotated[float, Number(0.0, 100.0)] = 0.0
     """Least normal force of a point in contact, share of the weight."""
     max_normal_force: Annotated[float, Number(0.0, np.inf)] = np.inf
@@ -206,10 +206,12 @@ class ContactOptions:
         ramp = _RAMP_ON_SOLES / kind.omega if kind.gait and robot.has_soles else 0.0
         least = friction_of_feet(robot.at_home, robot.feet)
         friction = min(ASSUMED_FRICTION, _CAREFUL * least)
+        slowest = contact_time_of_feet(robot.at_home, robot.feet)
         return replace(
             self,
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,
             friction=friction if self.friction is None else self.friction,
+            contact_time=slowest if self.contact_time is None else self.contact_time,
         )
 
     @property

@@ -57,7 +57,7 @@ class OnContacts:
             underactuation=underactuation,
             strength=np.ones(num_robots),
             grip=np.ones(num_robots),
-            carried=np.zeros((num_robots, self.robot.num_feet)),
+            allowed=np.zeros((num_robots, self.robot.num_feet)),
             priority=np.ones(num_robots),
             vertical=np.zeros((num_robots, 4)),
             acceleration=np.zeros((num_robots, self.robot.nv)),
@@ -123,7 +123,7 @@ class Law(OnContacts):
                 stance.falling_rate,
                 robot.gravity,
                 1.0 / control_hz,
-                contact.contact_time,
+                contact.contact_time or 0.0,
                 notices=contact.notice_slip,
             ),
         )

@@ -137,7 +137,7 @@ class LawMemory(NamedTuple):
     underactuation: np.ndarray  # (N,) directions of the base that the contacts cannot push
     strength: np.ndarray  # (N,) share of their torques that the motors are taken to give
     grip: np.ndarray  # (N,) share of the coefficient of friction that is counted on
-    carried: np.ndarray  # (N, F) s for which feet have carried
+    allowed: np.ndarray  # (N, F) m/s that feet which carry may have, see `notice_slip`
     priority: np.ndarray  # (N,) factor on errors of the moment, as the layer has it at this tick
     vertical: np.ndarray  # (N, 4) of the robots' vertical motion, see `believed_strength`
     acceleration: np.ndarray  # (N, nv) that its last torques were made for
@@ -160,7 +160,7 @@ def torque_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) whose contact forces keep within their limits; updates the memory."""
     count, size = terms.bias.shape
-    slipping = memory.carried, memory.grip
+    slipping = memory.allowed, memory.grip
     notice_slip(law.grip, law.geometry, law.gravity, state, terms, active, *slipping)
     feet = _feet(law, memory.grip, target, terms, active)
     work = room_to_work(law.limbs, law.geometry, law.mobility)

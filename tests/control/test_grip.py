@@ -28,13 +28,13 @@ class Standing:
         self.terms = stance.terms._replace(foot_velocity=self.velocity)
         self.load = np.zeros((1, robot.num_points, 3))
         self.load[..., 2] = robot.weight / robot.num_points
-        self.carried, self.grip = np.zeros((1, robot.num_feet)), np.ones(1)
+        self.allowed, self.grip = np.zeros((1, robot.num_feet)), np.ones(1)
 
     def after(self, seconds: float, active: bool = True) -> float:
         state = RobotState(np.empty((1, 0)), np.empty((1, 0)), self.load, np.zeros(1, np.int64))
         stands, terms = np.full(self.load.shape[:2], active), self.terms
         for _ in range(round(seconds * HZ)):
-            own = self.model, self.geometry, self.gravity, state, terms, stands, self.carried
+            own = self.model, self.geometry, self.gravity, state, terms, stands, self.allowed
             notice_slip(*own, self.grip)
         return float(self.grip[0])
 
@@ -42,12 +42,10 @@ class Standing:
 @pytest.mark.parametrize("name", ["go1", "humanoid"])
 def test_a_foot_that_slips_lowers_it_and_one_that_creeps_does_not(name: str) -> None:
     robot = Standing(name)
-    robot.velocity[0, 1, :2] = np.array([0.036, 0.047]) * robot.gravity / robot.rate
+    robot.velocity[0, 1, :2] = np.array([0.06, 0.078]) * robot.gravity / robot.rate
     assert robot.after(1.0) == 1.0
     robot.velocity[0, 1, :2] *= 5.0
-    robot.carried[:] = 0.0
-    landing, losing = 0.06 / robot.rate, 0.15 / robot.rate
-    assert robot.after(int(landing * HZ) / HZ) == 1.0
+    losing = 0.15 / robot.rate
     found, slid = 1.0, 0
     while found > LEAST and slid < HZ:
         slid += 1
@@ -59,14 +57,20 @@ def test_a_foot_that_slips_lowers_it_and_one_that_creeps_does_not(name: str) -> 
     assert robot.after(2.0) == pytest.approx(rising, rel=1e-9)
 
 
-def test_soft_feet_may_creep_faster_and_take_longer_to_land() -> None:
-    hard, soft = Standing("go1"), Standing("go1", 0.1 / Standing("go1").rate)
-    assert Standing("go1", 0.04 / hard.rate).model == hard.model
-    assert soft.model.speed == pytest.approx(2.0 * hard.model.speed)
-    assert soft.model.landing == pytest.approx(2.0 * hard.model.landing)
-    hard.velocity[..., 0] = soft.velocity[..., 0] = 1.5 * hard.model.speed
-    assert hard.after(1.0) == LEAST
-    assert soft.after(1.0) == 1.0
+@pytest.mark.parametrize("softness", [0.008, 0.02])
+def test_feet_that_land_slip_if_they_stop_more_slowly_than_contacts_stop_them(
+    softness: float,
+) -> None:
+    for times, slips in ((1.0, False), (4.0, True)):
+        robot = Standing("go1", softness)
+        robot.allowed[:] = np.inf  # in the air
+        robot.velocity[..., 0] = 10.0 * robot.model.speed
+        for _ in range(20):
+            robot.after(1.0 / HZ)
+            robot.velocity *= np.exp(-1.0 / HZ / (times * softness))
+        assert (robot.grip < 1.0) == slips
+        robot.velocity[..., 0] = 10.0 * robot.model.speed  # no foot that has landed gains speed
+        assert robot.after(0.02) < 0.9
 
 
 def test_only_feet_that_shall_stand_and_carry_slip() -> None:
@@ -96,10 +100,10 @@ def test_a_sole_that_tips_about_its_edge_does_not_slip(rng: np.random.Generator)
     assert robot.after(0.5) == LEAST
 
 
-def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, np.ndarray]:
+def walk_on(friction: float, notices: bool) -> tuple[float, np.ndarray]:
     """Return the share that stays up on ground unknown to the law, and the grip of each."""
     env = gym.make_vec(
-        "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration", gait=gait,
+        "fbid_gym/QuadrupedWalk-v0", num_envs=32, action_layer="base_acceleration", gait="trot",
         randomisation={"friction": (friction, friction)}, forward_range=(-0.5, 0.5),
         autoreset_mode=gym.vector.AutoresetMode.DISABLED, layer_options={"notice_slip": notices},
     )  # fmt: skip
@@ -116,23 +120,23 @@ def walk_on(friction: float, notices: bool, gait: str = "trot") -> tuple[float, 
 
 @pytest.mark.slow
 def test_robots_on_slippery_ground_stay_up_by_it() -> None:
-    """A trot with pushes on ground of 0.4 of its friction; by short steps on less."""
+    """A trot with pushes on ground of 0.4 and 0.3 of its friction."""
     good, noticed, unnoticed = walk_on(1.0, True), walk_on(0.4, True), walk_on(0.4, False)
     assert (unnoticed[1] == 1.0).all()
     assert min(good[0], good[1].mean()) > 0.9
     assert 0.3 < noticed[1].mean() < 0.8
     assert noticed[0] > unnoticed[0] + 0.25
-    assert walk_on(0.3, True, "short_trot")[0] > walk_on(0.3, True)[0] + 0.1
+    assert walk_on(0.3, True)[0] > walk_on(0.3, False)[0] + 0.5
 
 
 @pytest.mark.slow
-def test_a_law_that_is_told_of_soft_feet_does_not_take_their_creep_for_slip() -> None:
+def test_creep_of_soft_feet_is_not_taken_for_slip() -> None:
     """By feet of 20 ms, MuJoCo's default, instead of 8, on good ground."""
     text = GO1.read_text().replace('solref="0.008', 'solref="0.02')
     feet = [f"{end}_{side}_foot" for end in ("front", "hind") for side in ("left", "right")]
     soft = robots.Robot.from_mjcf(text, feet)
     grip = []
-    for told in (0.0, 0.02):
+    for told in (0.0, None):
         env = gym.make_vec(
             "fbid_gym/QuadrupedWalk-v1", num_envs=16, robot=soft, action_layer="base_acceleration",
             push_weights=(0.0, 0.0), randomisation={}, layer_options={"contact_time": told},
@@ -141,4 +145,4 @@ def test_a_law_that_is_told_of_soft_feet_does_not_take_their_creep_for_slip() ->
         still = np.zeros(env.action_space.shape)
         grip.append(np.mean([env.step(still)[4]["layer_grip"] for _ in range(300)]))
         env.close()
-    assert grip[0] + 0.2 < grip[1] > 0.95
+    assert 1.0 - grip[1] < 0.2 * (1.0 - grip[0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
-from fbid_gym.robots.home_check import friction_of_feet
+from fbid_gym.robots.home_check import contact_time_of_feet, friction_of_feet
 from tests.postures import posed
 
 ANIMAL = zoo.draw(37)  # on four legs that end in spheres, with motors
@@ -112,11 +112,26 @@ def test_springs() -> None:
     assert "up to 3 N·m at home" in told[0]
 
 
-def test_friction_is_what_mujoco_makes_of_a_foot_on_the_ground() -> None:
-    """With and without priority, against the contacts themselves."""
-    rough = TEXT.replace('friction="0.8', 'friction="1.3')
-    for text in (TEXT, TEXT.replace('priority="1"', ""), rough):
-        robot = Robot.from_mjcf(text, ANIMAL.foot_names)
-        data = posed(robot, robot.home_qpos - 1e-3 * np.eye(robot.nq)[2])
-        met = data.contact.friction[:, 0].min()
-        assert friction_of_feet(robot.at_home, robot.feet) == pytest.approx(met)
+@pytest.mark.parametrize("priority", ['priority="1"', ""])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('friction="0.8', 'friction="0.8'),
+        ('friction="0.8', 'friction="1.3'),
+        ('friction="0.8', 'solref="0.05 1" friction="0.8'),
+        ('friction="0.8', 'solref="0.003 1" solmix="3" friction="0.8'),
+        ('friction="0.8', 'solref="-3000 -90" friction="0.8'),
+    ],
+)
+def test_contacts_are_what_mujoco_makes_of_a_foot_on_the_ground(
+    old: str, new: str, priority: str
+) -> None:
+    """Friction and time constant, against the contacts themselves."""
+    text = TEXT.replace(old, new).replace('priority="1"', priority)
+    robot = Robot.from_mjcf(text, ANIMAL.foot_names)
+    contact = posed(robot, robot.home_qpos - 1e-3 * np.eye(robot.nq)[2]).contact
+    friction = friction_of_feet(robot.at_home, robot.feet)
+    assert friction == pytest.approx(contact.friction[:, 0].min())
+    time, damping = contact.solref.T
+    expected = np.where(time > 0.0, time, -2.0 / damping).max()
+    assert contact_time_of_feet(robot.at_home, robot.feet) == pytest.approx(expected)
