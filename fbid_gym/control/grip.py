@@ -21,10 +21,10 @@ LEAST = 0.2
 _CARRIES = 0.02  # of the weight
 _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 
-# In the time T in which the robot falls, and in g T. With 0.06, 0.1, 0.14 and 0.19 for the speed zero
-# actions of base_acceleration return, as robots are built, 573, 609, 607 and 622 on go1 and 586, 600,
-# 594 and 534 on the biped (QuadrupedWalk-v1 and BipedWalk-v1, 48 episodes); on ten drawn quadrupeds
-# 368, 371, 362 and 356 (docs/bodies.md).
+# In the time T in which the robot falls, and in g T. With 0.06, 0.1, 0.14 and 0.19 for the speed
+# zero actions of base_acceleration return, as robots are built, 573, 609, 607 and 622 on go1, and
+# 586, 600, 594 and 534 on the biped (QuadrupedWalk-v1 and BipedWalk-v1, 48 episodes); on ten drawn
+# quadrupeds 368, 371, 362 and 356 (docs/bodies.md).
 _LOSING, _RECOVERING, _SPEED = 0.15, 12.0, 0.1
 
 # Times the contacts' own: with 1, 1.5, 2 and 4 go1 on contacts of 20 ms returns 530, 574, 597 and

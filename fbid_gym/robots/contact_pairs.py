@@ -4,9 +4,6 @@ MuJoCo sorts all bodies at every step to find which of them may touch. Where onl
 there is nothing to find, and to name the pairs is cheaper.
 """
 
-import copy
-from typing import Any
-
 import mujoco
 import numpy as np
 
@@ -15,9 +12,6 @@ from fbid_gym.robots.measured_model import MeasuredModel
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _OBJ = mujoco.mjtObj
 _FAR = 1e3  # m, beyond which no part of a robot is from its ground
-
-# They go by boxes about the geoms of a body that are compiled from other margins.
-_BOXES = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
 
 # What a contact adds to the gap, or takes from it: MuJoCo's to sum up, and all but unused.
 _BESIDES = ("geom_margin", "geom_gap", "geom_adhesion", "geom_surfacevel")
@@ -38,7 +32,8 @@ def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
     world = MeasuredModel(model, model.qpos0)
     if not _meets_planes_alone(world):
         return model
-    contacts = _contacts_with_planes(model)
+    near = world.with_contacts(_FAR)
+    contacts = {tuple(contact.geom.tolist()): contact for contact in near.contact}.values()
     met = {int(geom) for contact in contacts for geom in contact.geom}
     if met != set(np.flatnonzero(world.touching).tolist()):
         return model
@@ -62,15 +57,3 @@ def _meets_planes_alone(world: MeasuredModel) -> bool:
     moving = world.touching & ~world.ground
     others = moving | (world.ground & (model.geom_type != _PLANE))
     return bool(moving.any()) and not world.meeting(np.flatnonzero(moving))[others].any()
-
-
-def _contacts_with_planes(model: mujoco.MjModel) -> list[Any]:
-    """One contact of each pair of geoms, as MuJoCo makes them between things that are near."""
-    near = copy.copy(model)
-    near.geom_margin[:] = _FAR
-    near.opt.disableflags |= _BOXES
-    data = mujoco.MjData(near)
-    mujoco.mj_kinematics(near, data)
-    mujoco.mj_collision(near, data)
-    found = {tuple(contact.geom.tolist()): contact for contact in data.contact}
-    return list(found.values())

@@ -6,7 +6,7 @@ or numbers mean something else than they say.
 
 import copy
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -222,40 +222,29 @@ def _point_names(robot: "Robot") -> list[str]:
 
 
 def friction_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:
-    """Least coefficient of sliding friction between a foot and the ground, as MuJoCo mixes it.
+    """Least coefficient of sliding friction between a foot and the ground.
 
-    Infinite where no foot can touch it, and 0 where contacts have condim 1.
+    Infinite where none can touch it, and 0 where contacts have condim 1.
     """
-    model, found = pose.model, [np.inf]
-    for mixed in _meetings(pose, [geom for foot in feet for geom in pose.welded_geoms(foot.body)]):
-        rubs = model.geom_condim[mixed].max() > 1
-        found.append(float(model.geom_friction[mixed, 0].max()) * rubs)
-    return min(found)
+    near, met = _contacts_of(pose, feet)
+    friction = np.where(near.contact.dim > 1, near.contact.friction[:, 0], 0.0)
+    return float(friction[met.any(axis=0)].min(initial=np.inf))
 
 
 def contact_time_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:
-    """Longest time constant of a foot's contact with the ground, s, as MuJoCo mixes it.
-
-    Of each foot that of the geom that reaches lowest; 0 where none can touch the ground.
-    """
-    model, found = pose.model, [0.0]
-    geoms = [list(pose.welded_geoms(foot.body)) for foot in feet]
-    lowest = [min(own, key=lambda geom: pose.lowest([geom])) for own in geoms if own]
-    for mixed in _meetings(pose, lowest):
-        weight = np.maximum(model.geom_solmix[mixed], mujoco.mjMINVAL)
-        solref = model.geom_solref[mixed]
-        if (solref[:, 0] > 0.0).all():
-            found.append(float(weight @ solref[:, 0] / weight.sum()))
-        else:  # minus a stiffness and a damping
-            found.append(2.0 / max(-float(solref[:, 1].min()), mujoco.mjMINVAL))
-    return max(found)
+    """Longest time constant of a foot's contact with the ground, s; 0 where none can touch it."""
+    near, met = _contacts_of(pose, feet)
+    nearest = [np.where(own, near.contact.dist, np.inf).argmin() for own in met if own.any()]
+    times = [
+        time if time > 0.0 else -2.0 / damping  # minus a stiffness and a damping
+        for time, damping in near.contact.solref[nearest]
+    ]
+    return float(max(times, default=0.0))
 
 
-def _meetings(pose: MeasuredModel, geoms: Iterable[int]) -> Iterator[list[int]]:
-    """For each contact of some geoms with the ground, ids of those whose parameters make it.
-
-    That is the geom with the higher priority, else both.
-    """
-    for pair in itertools.product(geoms, np.flatnonzero(pose.ground).tolist()):
-        priority = pose.model.geom_priority[list(pair)]
-        yield [pair[int(np.argmax(priority))]] if np.ptp(priority) else list(pair)
+def _contacts_of(pose: MeasuredModel, feet: Sequence[Foot]) -> tuple[mujoco.MjData, np.ndarray]:
+    """Return contacts of what is near, and which are of each foot with the ground: (F, C) bool."""
+    near = pose.with_contacts(pose.com[2])
+    geom = near.contact.geom
+    own = [np.isin(geom, pose.welded_geoms(foot.body)).any(axis=1) for foot in feet]
+    return near, np.array(own) & pose.ground[geom].any(axis=1)

@@ -1,5 +1,6 @@
 """A robot's model in one pose, measured once: what touches, what is welded, how low it reaches."""
 
+import copy
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ from fbid_gym.robots.mjcf import object_name, warnings_heard
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
+
+# They go by boxes about the geoms of a body that are compiled from other margins.
+_BOXES = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
 
 # Limbs that end no higher above the lowest, in heights of the centre of mass, are legs.
 LEGS = 0.15
@@ -80,6 +84,17 @@ class MeasuredModel:
         types, affinities = self.model.geom_contype, self.model.geom_conaffinity
         meets = (types[:, None] & affinities[geoms]) | (affinities[:, None] & types[geoms])
         return np.asarray(meets != 0)
+
+    def with_contacts(self, distance: float) -> mujoco.MjData:
+        """Return the pose with contacts of all geoms so near (m), as MuJoCo makes them."""
+        near = copy.copy(self.model)
+        near.geom_margin[:] = distance
+        near.opt.disableflags |= _BOXES
+        data = mujoco.MjData(near)
+        data.qpos[:] = self.qpos
+        mujoco.mj_kinematics(near, data)
+        mujoco.mj_collision(near, data)
+        return data
 
     @cached_property
     def limb_ends(self) -> list[int]:

@@ -1,5 +1,6 @@
 """What the check at home says of robots that are spoilt one way at a time."""
 
+import copy
 import pickle
 import re
 
@@ -8,6 +9,7 @@ import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
 from fbid_gym.robots.home_check import contact_time_of_feet, friction_of_feet
+from fbid_gym.robots.measured_model import MeasuredModel
 from tests.postures import posed
 
 ANIMAL = zoo.draw(37)  # on four legs that end in spheres, with motors
@@ -135,3 +137,12 @@ def test_contacts_are_what_mujoco_makes_of_a_foot_on_the_ground(
     time, damping = contact.solref.T
     expected = np.where(time > 0.0, time, -2.0 / damping).max()
     assert contact_time_of_feet(robot.at_home, robot.feet) == pytest.approx(expected)
+
+
+def test_feet_that_can_touch_nothing_have_no_contacts() -> None:
+    robot = Robot.from_mjcf(TEXT, ANIMAL.foot_names)
+    model = copy.copy(robot.model)
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    pose = MeasuredModel(model, robot.home_qpos)
+    assert friction_of_feet(pose, robot.feet) == np.inf
+    assert contact_time_of_feet(pose, robot.feet) == 0.0
