@@ -1,7 +1,7 @@
 """List the policies that come with the package, or print the cards of some.
 
 python -m fbid_gym.policy
-python -m fbid_gym.policy QuadrupedWalk-v0/base_acceleration
+python -m fbid_gym.policy QuadrupedWalk-v0/base_acceleration any-quadruped
 """
 
 import argparse
@@ -9,8 +9,8 @@ import sys
 from collections.abc import Sequence
 
 from fbid_gym.__main__ import called
-from fbid_gym.checks import check_choices
 from fbid_gym.exit_status import exit_status
+from fbid_gym.policy.policy_file import PREFIX, place_of
 from fbid_gym.policy.shipping import shipped
 
 
@@ -25,12 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(asked: Sequence[str]) -> None:
-    known = {each.name: each for each in shipped()}
-    check_choices("shipped policy", asked, known)
-    for name in known if not asked else ():
-        print(name)
-    for name in asked:
-        print("\n".join([name, *(f"  {line}" for line in known[name].lines())]))
+    known = {each.path: each for each in shipped()}
+    of_them = [known[place_of(PREFIX + name.removeprefix(PREFIX))] for name in asked]
+    for each in known.values() if not asked else ():
+        print(each.name)
+    for each in of_them:
+        print("\n".join([each.name, *(f"  {line}" for line in each.lines())]))
 
 
 if __name__ == "__main__":
