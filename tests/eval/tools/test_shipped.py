@@ -22,7 +22,7 @@ from fbid_gym.policy.__main__ import main as list_main
 from tests.eval.conftest import zero_policy
 from train.runs.environment import changed_meaning
 
-EPISODES, SEED = 6, 50_000
+EPISODES, SEED = 12, 50_000
 SHIPPED = shipped()
 every = pytest.mark.parametrize("policy", SHIPPED, ids=[each.name for each in SHIPPED])
 
