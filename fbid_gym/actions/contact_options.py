@@ -18,7 +18,7 @@ from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.quantities import Memory, RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.robots.home_check import ASSUMED_FRICTION, contact_time_of_feet, friction_of_feet
+from fbid_gym.robots.home_check import ASSUMED_FRICTION, contact_of_feet
 
 ContactBelief = Callable[[RobotState, Target], np.ndarray]
 """Returns which points are in contact: (N, P) bool."""
@@ -204,14 +204,13 @@ class ContactOptions:
         # On points a ramp is behind its time: of 12 ms (go1) it brought the largest torque jumps
         # from 0.26 to 0.14 of a limit, and the velocity error from 0.084 to 0.094 m/s.
         ramp = _RAMP_ON_SOLES / kind.omega if kind.gait and robot.has_soles else 0.0
-        least = friction_of_feet(robot.at_home, robot.feet)
-        friction = min(ASSUMED_FRICTION, _CAREFUL * least)
-        slowest = contact_time_of_feet(robot.at_home, robot.feet)
+        contact = contact_of_feet(robot.at_home, robot.feet)
+        friction = min(ASSUMED_FRICTION, _CAREFUL * contact.friction)
         return replace(
             self,
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,
             friction=friction if self.friction is None else self.friction,
-            contact_time=slowest if self.contact_time is None else self.contact_time,
+            contact_time=contact.time if self.contact_time is None else self.contact_time,
         )
 
     @property

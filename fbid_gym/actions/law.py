@@ -19,7 +19,7 @@ from fbid_gym.control.body_law import (
     torque_without_limits,
 )
 from fbid_gym.control.contact_forces import ContactLimits, limit_rows, wrench_scale
-from fbid_gym.control.grip import GripModel
+from fbid_gym.control.grip import ANY, GripModel
 from fbid_gym.control.look_ahead import Delay, look_ahead
 from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
@@ -57,7 +57,7 @@ class OnContacts:
             underactuation=underactuation,
             strength=np.ones(num_robots),
             grip=np.ones(num_robots),
-            allowed=np.zeros((num_robots, self.robot.num_feet)),
+            allowed=np.full((num_robots, self.robot.num_feet), ANY),
             priority=np.ones(num_robots),
             vertical=np.zeros((num_robots, 4)),
             acceleration=np.zeros((num_robots, self.robot.nv)),

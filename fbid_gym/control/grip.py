@@ -18,9 +18,9 @@ from fbid_gym.quantities import ContactGeometry, DynamicsTerms, RobotState
 LEAST = 0.2
 """Share of the coefficient that is counted on at least."""
 
+ANY = 1e9  # m/s, of a foot that carries nothing, or of which nothing is known yet
 _CARRIES = 0.02  # of the weight
 _TELLS = 0.25  # of the weight: a foot that carries less slips for less
-_ANY = 1e9  # m/s
 
 # In the time T in which the robot falls, and in g T. With 0.06, 0.1, 0.14 and 0.19 for the speed
 # zero actions of base_acceleration return, as robots are built, 573, 609, 607 and 622 on go1, 586,
@@ -72,7 +72,7 @@ def notice_slip(
     A foot's speed is that of its centre of pressure, where a sole that tips stays. Feet land with
     some, and slip if they lose it more slowly than contacts stop them, or gain any. `active` (N, P)
     says which points are taken to be on the ground. Speeds that feet may have, `allowed` (N, F)
-    m/s, any for those that carry nothing, and the shares, `grip` (N,), are updated.
+    m/s, `ANY` for those that carry nothing, and the shares, `grip` (N,), are updated.
     """
     for i in range(len(grip)):
         weight, slips = gravity * terms.mass_matrix[i, 0, 0], 0.0
@@ -84,7 +84,7 @@ def notice_slip(
                     load += force
                     lever = add(lever, scale(force, vector(geometry.offset, (point,))))
             if load <= _CARRIES * weight:
-                allowed[i, foot] = _ANY
+                allowed[i, foot] = ANY
                 continue
             arm = turn(matrix(terms.world_from_foot, (i, foot)), scale(1.0 / load, lever))
             turning = cross(vector(terms.foot_velocity, (i, foot), 3), arm)

@@ -32,7 +32,7 @@ def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
     world = MeasuredModel(model, model.qpos0)
     if not _meets_planes_alone(world):
         return model
-    near = world.with_contacts(_FAR)
+    near = world.with_contacts(_FAR, world.touching)
     contacts = {tuple(contact.geom.tolist()): contact for contact in near.contact}.values()
     met = {int(geom) for contact in contacts for geom in contact.geom}
     if met != set(np.flatnonzero(world.touching).tolist()):

@@ -7,7 +7,7 @@ or numbers mean something else than they say.
 import copy
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
@@ -209,7 +209,7 @@ def _springs(robot: "Robot") -> Iterator[str]:
 
 
 def _slippery(robot: "Robot") -> Iterator[str]:
-    friction = friction_of_feet(robot.at_home, robot.feet)
+    friction = contact_of_feet(robot.at_home, robot.feet).friction
     if friction < ASSUMED_FRICTION:
         yield (
             f"The feet's friction is {friction:.3g}: layers assume less than the "
@@ -221,30 +221,25 @@ def _point_names(robot: "Robot") -> list[str]:
     return [name for foot in robot.feet for name in foot.point_names]
 
 
-def friction_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:
-    """Least coefficient of sliding friction between a foot and the ground.
+class FeetContact(NamedTuple):
+    """What contacts between feet and ground are like."""
 
-    Infinite where none can touch it, and 0 where contacts have condim 1.
-    """
-    near, met = _contacts_of(pose, feet)
-    friction = np.where(near.contact.dim > 1, near.contact.friction[:, 0], 0.0)
-    return float(friction[met.any(axis=0)].min(initial=np.inf))
+    friction: float  # least coefficient of sliding; infinite without a contact, 0 with condim 1
+    time: float  # s, longest time constant of those that a foot stands on; 0 without a contact
 
 
-def contact_time_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:
-    """Longest time constant of a foot's contact with the ground, s; 0 where none can touch it."""
-    near, met = _contacts_of(pose, feet)
-    nearest = [np.where(own, near.contact.dist, np.inf).argmin() for own in met if own.any()]
+def contact_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> FeetContact:
+    """Measure the contacts between feet and ground, as MuJoCo makes them where they are near."""
+    soles = [pose.welded_geoms(foot.body) for foot in feet]
+    among = pose.ground.copy()
+    among[np.concatenate(soles)] = True
+    near = pose.with_contacts(pose.com[2], among).contact
+    with_ground = pose.ground[near.geom].any(axis=1)
+    met = [np.isin(near.geom, sole).any(axis=1) & with_ground for sole in soles]
+    friction = np.where(near.dim > 1, near.friction[:, 0], 0.0)[with_ground]
+    nearest = [np.where(own, near.dist, np.inf).argmin() for own in met if own.any()]
     times = [
         time if time > 0.0 else -2.0 / damping  # minus a stiffness and a damping
-        for time, damping in near.contact.solref[nearest]
+        for time, damping in near.solref[nearest]
     ]
-    return float(max(times, default=0.0))
-
-
-def _contacts_of(pose: MeasuredModel, feet: Sequence[Foot]) -> tuple[mujoco.MjData, np.ndarray]:
-    """Return contacts of what is near, and which are of each foot with the ground: (F, C) bool."""
-    near = pose.with_contacts(pose.com[2])
-    geom = near.contact.geom
-    own = [np.isin(geom, pose.welded_geoms(foot.body)).any(axis=1) for foot in feet]
-    return near, np.array(own) & pose.ground[geom].any(axis=1)
+    return FeetContact(float(friction.min(initial=np.inf)), float(max(times, default=0.0)))

@@ -85,10 +85,11 @@ class MeasuredModel:
         meets = (types[:, None] & affinities[geoms]) | (affinities[:, None] & types[geoms])
         return np.asarray(meets != 0)
 
-    def with_contacts(self, distance: float) -> mujoco.MjData:
-        """Return the pose with contacts of all geoms so near (m), as MuJoCo makes them."""
+    def with_contacts(self, distance: float, among: np.ndarray) -> mujoco.MjData:
+        """Return the pose with contacts among geoms, (ngeom,) bool, so near (m), as MuJoCo does."""
         near = copy.copy(self.model)
         near.geom_margin[:] = distance
+        near.geom_contype[~among] = near.geom_conaffinity[~among] = 0
         near.opt.disableflags |= _BOXES
         data = mujoco.MjData(near)
         data.qpos[:] = self.qpos

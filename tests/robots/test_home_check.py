@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load, zoo
-from fbid_gym.robots.home_check import contact_time_of_feet, friction_of_feet
+from fbid_gym.robots.home_check import contact_of_feet
 from fbid_gym.robots.measured_model import MeasuredModel
 from tests.postures import posed
 
@@ -132,11 +132,10 @@ def test_contacts_are_what_mujoco_makes_of_a_foot_on_the_ground(
     text = TEXT.replace(old, new).replace('priority="1"', priority)
     robot = Robot.from_mjcf(text, ANIMAL.foot_names)
     contact = posed(robot, robot.home_qpos - 1e-3 * np.eye(robot.nq)[2]).contact
-    friction = friction_of_feet(robot.at_home, robot.feet)
-    assert friction == pytest.approx(contact.friction[:, 0].min())
     time, damping = contact.solref.T
-    expected = np.where(time > 0.0, time, -2.0 / damping).max()
-    assert contact_time_of_feet(robot.at_home, robot.feet) == pytest.approx(expected)
+    times = np.where(time > 0.0, time, -2.0 / damping)
+    expected = contact.friction[:, 0].min(), times.max()
+    assert contact_of_feet(robot.at_home, robot.feet) == pytest.approx(expected)
 
 
 def test_feet_that_can_touch_nothing_have_no_contacts() -> None:
@@ -144,5 +143,4 @@ def test_feet_that_can_touch_nothing_have_no_contacts() -> None:
     model = copy.copy(robot.model)
     model.geom_contype[:] = model.geom_conaffinity[:] = 0
     pose = MeasuredModel(model, robot.home_qpos)
-    assert friction_of_feet(pose, robot.feet) == np.inf
-    assert contact_time_of_feet(pose, robot.feet) == 0.0
+    assert contact_of_feet(pose, robot.feet) == (np.inf, 0.0)

@@ -5,7 +5,7 @@ import pytest
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
-from fbid_gym.robots.home_check import friction_of_feet
+from fbid_gym.robots.home_check import contact_of_feet
 from fbid_gym.runtime.config import EnvConfig
 from tests.postures import posed
 from tests.robots.test_robot_errors import GOOD, fails
@@ -84,7 +84,7 @@ def test_feet_that_touch_the_ground_by_pairs_touch_any_ground(floor: str) -> Non
     robot = Robot.from_mjcf(text, ["toe"])
     assert robot.model.npair == 0
     assert "Touch any ground, not only that of a <pair>: toe." in robot.notes
-    assert friction_of_feet(robot.at_home, robot.feet) == 0.4
+    assert contact_of_feet(robot.at_home, robot.feet).friction == 0.4
     assert not any("carry nothing" in sentence for sentence in robot.check())
 
 

@@ -74,13 +74,13 @@ def linear(seen: np.ndarray) -> np.ndarray:
         (SHIPPED, {"sensors": "mems"}),
         (linear, {"sensors": "mems", "observation": "measured+estimate", "history": 3}),
         (SHIPPED, {"sensors": {"like": "mems", "contact": "torque"}, "there": True}),
-        (linear, {"sensors": SLOW_ENCODERS, "observation": "measured"}),
+        (linear, {"sensors": SLOW_ENCODERS, "observation": "measured", "there": True}),
     ],
 )
 def test_its_torques_are_those_of_the_environment(policy, more, monkeypatch):
     """Pushes and all, tick by tick, by an estimate of its own; and again after a reset."""
     apart, batch, _ = side_by_side(monkeypatch, policy, **more)
-    assert apart.max() < 1e-7  # rounding, which the loop amplifies
+    assert apart.max() < 1e-9
     own = batch.perception.estimator.state
     assert np.abs(own.qvel - batch.simulation.qvel).max() > 1e-3  # it was no truth
 
