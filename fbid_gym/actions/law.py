@@ -141,6 +141,7 @@ class Law(OnContacts):
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
         own = super().memory(num_robots)
+        own["grip"][:] = self.constants.grip.first
         if self.late is not None:
             own["sent"] = np.zeros((num_robots, self.late.ticks, self.robot.nv))
         return own
