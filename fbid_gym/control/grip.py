@@ -27,9 +27,7 @@ _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 # zero actions of base_acceleration return, as robots are built, 573, 609, 607 and 622 on go1, 586,
 # 600, 594 and 534 on the biped (-v1, 48 episodes); on ten drawn quadrupeds 368, 371, 362 and 356.
 _LOSING, _RECOVERING, _SPEED = 0.15, 12.0, 0.1
-
-# With 0.25, 0.35, 0.5, 0.7 and 1 go1 as built returns 592, 604, 608, 612 and 592 (96 episodes), the
-# drawn quadrupeds 383, 384, 384, 384 and 365.
+# With 0.25, 0.35, 0.5, 0.7 and 1 go1 returns 592, 604, 608, 612, 592, they 383, 384, 384, 384, 365.
 _FIRST = 0.5
 
 # Times the contacts' own: with 1, 1.5, 2 and 4 go1 on contacts of 20 ms returns 530, 574, 597 and

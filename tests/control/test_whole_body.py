@@ -47,7 +47,8 @@ class Scene(NamedTuple):
 
 
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
-    contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
+    plain = {"friction": FRICTION, "compensate_damping": False, "notice_slip": False}
+    contact = ContactOptions(**plain | options)
     gains = default_gains(robot, planned_kind(robot))
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
     return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
@@ -409,3 +410,13 @@ def test_contacts_that_are_given_up_are_reported(rng):
     # Before limits, that is: what yields to them moves the feet by a little less or more.
     assert (residual > 0.9 * found).all() and found.min() > 1e-3
     assert np.median(np.abs(residual - found)) < 1e-3 * np.median(found)
+
+
+def test_a_law_that_notices_slip_begins_with_half_of_the_friction(robot, rng):
+    scene, law = scene_of(robot, rng), law_of(robot, notice_slip=True)
+    torque, missed = torque_of(law, scene)
+    for share, same in ((0.5, True), (1.0, False)):
+        knows = law_of(robot, friction=share * FRICTION)
+        asked, misses = torque_of(knows, scene)
+        tick = 1e-3 * robot.weight  # in which the law has come to count on a little more
+        assert np.allclose(torque, asked, atol=tick) == np.allclose(missed, misses, 1e-2) == same
