@@ -141,7 +141,8 @@ class Law(OnContacts):
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
         own = super().memory(num_robots)
-        own["grip"][:] = self.constants.grip.first
+        if not self.robot.has_soles:  # on soles less at first prevents no fall
+            own["grip"][:] = self.constants.grip.first
         if self.late is not None:
             own["sent"] = np.zeros((num_robots, self.late.ticks, self.robot.nv))
         return own

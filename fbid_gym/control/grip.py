@@ -1,10 +1,10 @@
-"""How much friction a law counts on: half at first, less while feet slip.
+"""How much friction a law counts on: on points half at first; less while feet slip.
 
 No robot knows the friction of the ground it walks on. Forces that the ground does not give are
-worse than none: the foot slips, and the body with it. So a robot's law begins with half of what
-the file promises. Feet that slip can be seen, for they carry and move: the law then lowers the
-friction it counts on until they stay, and raises it slowly while they do, as the ground may be
-better elsewhere.
+worse than none: the foot slips, and the body with it. So the law of a robot on points begins with
+half of what the file promises. Feet that slip can be seen, for they carry and move: the law then
+lowers the friction it counts on until they stay, and raises it slowly while they do, as the ground
+may be better elsewhere.
 """
 
 import math
@@ -38,7 +38,7 @@ _STOPPING = 1.5
 class GripModel(NamedTuple):
     """When feet slip, and how fast a law takes notice."""
 
-    first: float  # share of the coefficient that is counted on before the robot has moved
+    first: float  # share of the coefficient that robots on points count on at first
     tick: float  # s, of the law
     speed: float  # m/s up to which a foot that carries only creeps; at twice as much it slips
     slower: float  # share of its speed that a foot that has landed may still have a tick later

@@ -244,7 +244,7 @@ def test_moments_that_turn_may_weigh_apart(rng):
     state, terms = crouched(robot, rng, 0.05)
     target, action = target_of(robot, terms, rng), np.array([[0.5, 0.5, 0.0, 0.0, 0.0, 3.0]])
     for priority in (0.05, (0.05, 0.05), (0.05, 0.5), (0.05, 50.0)):
-        options = {"moment_priority": priority, "contact_ramp": 0.0, "notice_slip": False}
+        options = {"moment_priority": priority, "contact_ramp": 0.0}
         layer, _ = make_layer("base_acceleration", robot, HZ, kind_of(robot), options)
         memory, asked = layer.memory(1), Command.to_target(layer.scale * action)
         torques.append(layer.torque(action, state, target, lambda: terms, memory))

@@ -412,10 +412,10 @@ def test_contacts_that_are_given_up_are_reported(rng):
     assert np.median(np.abs(residual - found)) < 1e-3 * np.median(found)
 
 
-def test_a_law_that_notices_slip_begins_with_half_of_the_friction(robot, rng):
+def test_a_law_that_notices_slip_begins_with_half_of_the_friction_on_points(robot, rng):
     scene, law = scene_of(robot, rng), law_of(robot, notice_slip=True)
     torque, missed = torque_of(law, scene)
-    for share, same in ((0.5, True), (1.0, False)):
+    for share, same in ((0.5, not robot.has_soles), (1.0, robot.has_soles)):
         knows = law_of(robot, friction=share * FRICTION)
         asked, misses = torque_of(knows, scene)
         tick = 1e-3 * robot.weight  # in which the law has come to count on a little more

@@ -114,7 +114,7 @@ def marks_of(batch, **shown):
 
 
 def test_forces_of_a_robot_that_stands_point_into_the_rims_of_their_cones():
-    env, batch = standing(push_force=(0.0, 0.0), layer_options={"notice_slip": False})
+    env, batch = standing(push_force=(0.0, 0.0))
     for _ in range(60):
         env.step(np.zeros(6, np.float32))
     found = marks_of(batch, forces=True, cones=True, support=True, com=True)

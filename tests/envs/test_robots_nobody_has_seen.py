@@ -54,8 +54,8 @@ def test_kinematics_hold_a_robot_up(seed, layer):
     assert batch.simulation.qpos[:, 2] == pytest.approx(home, rel=0.01)
 
 
-@pytest.mark.parametrize(("layer", "least"), [("base_acceleration", 0.9), ("com_wrench", 0.8)])
-def test_a_biped_of_five_joints_a_leg_walks(layer, least):
+@pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench"])
+def test_a_biped_of_five_joints_a_leg_walks(layer):
     """Its ankles do not roll: a force to the side and a moment ahead exclude each other."""
     arguments = ENVIRONMENTS["fbid_gym/BipedWalk-v0"] | {"action_layer": layer}
-    assert survival(zoo.built(zoo.draw(2)), arguments) >= least
+    assert survival(zoo.built(zoo.draw(2)), arguments) >= 0.9
