@@ -202,22 +202,22 @@ def drawn(found: list[Played]) -> str:
     arms_, laws = [one for one in found if one.bodies], [one for one in found if not one.bodies]
     layers = list(dict.fromkeys(one.layer for one in arms_))
     most = max(one.bodies for one in arms_)
-    titles = {"returned": "return", "up": "share of the episodes without a fall"}
-    for what, title in titles.items():
+    short = [layer.partition(" (")[0] for layer in layers]  # without options, if that is enough
+    names = short if len(set(short)) == len(layers) else layers
+    for what, title in {"returned": "return", "up": "share of the episodes without a fall"}.items():
         mean = partial(Played.over, what=what, robots=robots)
         series = []
-        for colour, layer in enumerate(layers):
+        for colour, (layer, name) in enumerate(zip(layers, names, strict=True)):
             own = sorted((one for one in arms_ if one.layer == layer), key=lambda one: one.bodies)
-            beside = {one.name: mean(one).item() for one in laws if one.layer == layer}
+            beside = [(one.name, mean(one).item()) for one in laws if one.layer == layer]
             x = [float(np.log2(one.bodies)) for one in own]
-            y = [mean(one) for one in own]
-            middle, low, high = ([float(f(v)) for v in y] for f in (np.mean, np.min, np.max))
-            zero = next(([v] * len(x) for name, v in beside.items() if name.startswith(ZERO)), None)
-            series.append(Series(layer, colour, x, middle, low, high, dashed=zero, dots=True))
+            middle, low, high = ([float(f(mean(o))) for o in own] for f in (np.mean, min, max))
+            zero = next(([v] * len(x) for law, v in beside if law.startswith(ZERO)), None)
+            series.append(Series(name, colour, x, middle, low, high, dashed=zero, dots=True))
             series += [
-                Series(f"one gain, {layer}", colour, [0.0, float(np.log2(most))], [v, v])
-                for name, v in beside.items()
-                if name.startswith(PREFIX)
+                Series(f"one gain, {name}", colour, [0.0, float(np.log2(most))], [v, v])
+                for law, v in beside
+                if law.startswith(PREFIX)
             ]
         panels.append(
             panel(
