@@ -182,7 +182,7 @@ class ContactOptions:
     """Coefficient assumed of every contact. None: 0.6, or nine tenths of what the model's feet have
     on its ground, if that is less."""
     notice_slip: bool = True
-    """On points count on half of the friction at first; on less while feet slip, see `grip.py`."""
+    """Count on less friction while feet slip, and on half at first on points: `control/grip.py`."""
     contact_time: Annotated[float, Number(0.0, 1.0, "s")] | None = None
     """s, time constant of the feet's contacts, the first number of MuJoCo's `solref`: so long feet
     may move on when they land before they count as slipping. None: that of the model's feet."""

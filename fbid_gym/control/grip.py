@@ -1,8 +1,8 @@
 """How much friction a law counts on: on points half at first; less while feet slip.
 
 No robot knows the friction of the ground it walks on. Forces that the ground does not give are
-worse than none: the foot slips, and the body with it. So the law of a robot on points begins with
-half of what the file promises. Feet that slip can be seen, for they carry and move: the law then
+worse than none: the foot slips, and the body with it. So the law of a robot on points counts on
+half of its coefficient at first. Feet that slip can be seen, for they carry and move: the law then
 lowers the friction it counts on until they stay, and raises it slowly while they do, as the ground
 may be better elsewhere.
 """

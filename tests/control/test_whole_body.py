@@ -414,9 +414,7 @@ def test_contacts_that_are_given_up_are_reported(rng):
 
 def test_a_law_that_notices_slip_begins_with_half_of_the_friction_on_points(robot, rng):
     scene, law = scene_of(robot, rng), law_of(robot, notice_slip=True)
-    torque, missed = torque_of(law, scene)
+    torque, tick = torque_of(law, scene)[0], 1e-3 * robot.weight  # a tick raises it a little
     for share, same in ((0.5, not robot.has_soles), (1.0, robot.has_soles)):
-        knows = law_of(robot, friction=share * FRICTION)
-        asked, misses = torque_of(knows, scene)
-        tick = 1e-3 * robot.weight  # in which the law has come to count on a little more
-        assert np.allclose(torque, asked, atol=tick) == np.allclose(missed, misses, 1e-2) == same
+        known, _ = torque_of(law_of(robot, friction=share * FRICTION), scene)
+        assert np.allclose(torque, known, atol=tick) == same
