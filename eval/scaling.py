@@ -185,68 +185,91 @@ def _played(name: str, learnt_with: tuple[str, ...], rows: list[dict[str, Any]])
     return Played(name, layer, len(learnt_with), frozenset(learnt_with), returned, up)
 
 
-def unseen(found: list[Played]) -> list[str]:
-    """Return the robots that no arm has learnt with and on which all can act."""
+def unseen(found: list[Played]) -> list[list[str]]:
+    """Return the robots that no arm has learnt with, those first on which most can be played.
+
+    Once for each set of robots on which an arm can act: joint targets need as many joints as the
+    policy has learnt with, PD such joints as it can hold.
+    """
     seen = frozenset[str]().union(*(one.seen for one in found))
-    names = dict.fromkeys(robot for one in found for robot in one.returned)
-    return [n for n in names if n not in seen and all(n in one.returned for one in found)]
+    sets = {tuple(n for n in one.returned if n not in seen): None for one in found if one.bodies}
+    return sorted(map(list, filter(None, sets)), key=len, reverse=True)
+
+
+def able(found: list[Played], robots: list[str]) -> list[Played]:
+    """Return those who can act on all of these robots."""
+    return [one for one in found if one.returned.keys() >= set(robots)]
+
+
+def layer_words(found: list[Played]) -> dict[str, str]:
+    """Return how layers are called: without their options where that is enough."""
+    layers = list(dict.fromkeys(one.layer for one in found))
+    short = [layer.partition(" (")[0] for layer in layers]
+    return dict(zip(layers, short if len(set(short)) == len(layers) else layers, strict=True))
 
 
 def drawn(found: list[Played]) -> str:
     """Return the scaling figure as SVG: bodies learnt with, against what is done on unseen ones.
 
-    A curve for each layer: the mean over robots and seeds, its band from the least seed to the
-    greatest; dashed, the zero action of the layer; without dots, its proportional law.
+    A row for each set of `unseen`, a curve for each layer: the mean over robots and seeds, its band
+    from the least seed to the greatest; dashed, the zero action of the layer; without dots, its
+    proportional law.
     """
-    robots, panels = unseen(found), list[str]()
-    arms_, laws = [one for one in found if one.bodies], [one for one in found if not one.bodies]
-    layers = list(dict.fromkeys(one.layer for one in arms_))
-    most = max(one.bodies for one in arms_)
-    short = [layer.partition(" (")[0] for layer in layers]  # without options, if that is enough
-    names = short if len(set(short)) == len(layers) else layers
-    for what, title in {"returned": "return", "up": "share of the episodes without a fall"}.items():
-        mean = partial(Played.over, what=what, robots=robots)
-        series = []
-        for colour, (layer, name) in enumerate(zip(layers, names, strict=True)):
-            own = sorted((one for one in arms_ if one.layer == layer), key=lambda one: one.bodies)
-            beside = [(one.name, mean(one).item()) for one in laws if one.layer == layer]
-            x = [float(np.log2(one.bodies)) for one in own]
-            middle, low, high = ([float(f(mean(o))) for o in own] for f in (np.mean, min, max))
-            zero = next(([v] * len(x) for law, v in beside if law.startswith(ZERO)), None)
-            series.append(Series(name, colour, x, middle, low, high, dashed=zero, dots=True))
-            series += [
-                Series(f"one gain, {name}", colour, [0.0, float(np.log2(most))], [v, v])
-                for law, v in beside
-                if law.startswith(PREFIX)
-            ]
-        panels.append(
-            panel(
-                series,
-                capital(f"{title} on {len(robots)} unseen robots"),
-                "robots learnt with",
-                x_format=lambda x: f"{2.0**x:.0f}",
-            )
-        )
+    panels, names = list[str](), layer_words(found)
+    most = max(one.bodies for one in found)
+    for robots in unseen(found):
+        those = able(found, robots)
+        for what, title in {"returned": "return", "up": "share without a fall"}.items():
+            mean = partial(Played.over, what=what, robots=robots)
+            series = []
+            for colour, (layer, name) in enumerate(names.items()):
+                beside = [one for one in those if one.layer == layer]
+                own = sorted((one for one in beside if one.bodies), key=lambda one: one.bodies)
+                if not own:
+                    continue
+                x = [float(np.log2(one.bodies)) for one in own]
+                middle, low, high = ([float(f(mean(o))) for o in own] for f in (np.mean, min, max))
+                level = {one.name: mean(one).item() for one in beside if not one.bodies}
+                zero = next(
+                    ([v] * len(x) for law, v in level.items() if law.startswith(ZERO)), None
+                )
+                series.append(Series(name, colour, x, middle, low, high, dashed=zero, dots=True))
+                series += [
+                    Series(f"one gain, {name}", colour, [0.0, float(np.log2(most))], [v, v])
+                    for law, v in level.items()
+                    if law.startswith(PREFIX)
+                ]
+            title = capital(f"{title} on {len(robots)} unseen robots")
+            panels.append(panel(series, title, "robots learnt with", x_format=_power_of_two))
     return sheet(panels)
+
+
+def _power_of_two(x: float) -> str:
+    return f"{2.0**x:.0f}"
 
 
 def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     """Return how all did together, and on each robot, as Markdown."""
-    robots = unseen(found)
-    better = compared(found, robots)
-    said = (
-        f"{len(robots)} robots that nobody learnt with; means over them and over seeds, and (least "
-        "to greatest seed). Last columns: on how many of the robots an arm's mean return is above "
-        "that of its layer's zero action, and of its proportional law; p of Wilcoxon's signed-rank "
-        "test over the robots, by Holm's method for all of these columns."
-    )
+    tables, names = list[str](), layer_words(found)
     heads = ("arm", "layer", "robots learnt with", "seeds", "return", "up", "> zero", "> one gain")
-    together, each = [], []
-    for one in found:
-        returned, up = (one.over(what, robots) for what in ("returned", "up"))
-        than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
-        cells = [one.name, one.layer, str(one.bodies or "–"), str(len(returned))]
-        together.append([*cells, over_seeds(returned, number), over_seeds(up, percent), *than])
+    for robots in unseen(found):
+        those = able(found, robots)
+        better, together = compared(those, robots), []
+        for one in those:
+            returned, up = (one.over(what, robots) for what in ("returned", "up"))
+            than = [better.get((one.name, prefix), "–") for prefix in (ZERO, PREFIX)]
+            cells = [one.name, names[one.layer], str(one.bodies or "–"), str(len(returned))]
+            together.append([*cells, over_seeds(returned, number), over_seeds(up, percent), *than])
+        who = "all arms" if len(those) == len(found) else "these arms"
+        said = f"{len(robots)} robots that nobody learnt with and on which {who} can act:"
+        tables.append(f"{said}\n\n{markdown_table(heads, together, 2)}")
+    said = (
+        "Means over robots and over seeds, and (least to greatest seed). Last columns: on how many "
+        "of the robots an arm's mean return is above that of its layer's zero action, and of its "
+        "proportional law; p of Wilcoxon's signed-rank test over the robots, by Holm's method for "
+        "all of these columns of a table."
+    )
+    each = []
     first = {row["robot"]: row for row in rows}
     then = (
         "Return, and share of the episodes without a fall, on each robot; in brackets, of who "
@@ -261,9 +284,8 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
             value = f"{np.mean(one.returned[robot]):.0f}, {percent(float(np.mean(one.up[robot])))}"
             cells.append(f"({value})" if robot in one.seen else value)
         each.append(cells)
-    names = ("robot", "kg", "joints", *(one.name for one in found))
-    tables = markdown_table(heads, together, 2), markdown_table(names, each, 1)
-    return f"{said}\n\n{tables[0]}\n\n{then}\n\n{tables[1]}"
+    columns = ("robot", "kg", "joints", *(one.name for one in found))
+    return "\n\n".join([said, *tables, then, markdown_table(columns, each, 1)])
 
 
 def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], str]:

@@ -57,7 +57,7 @@ def test_who_learnt_with_a_robot_is_not_tested_by_it(path):
     found = played(study, rows())
     assert [one.name for one in found] == [*RETURNS]
     assert [one.bodies for one in found] == [1, 2, 0, 0]
-    robots = unseen(found)
+    (robots,) = unseen(found)
     assert robots == ["quadruped", "zoo:quadruped:1000"]
     one = found[0]
     np.testing.assert_allclose(one.over("returned", robots), [400.0, 500.0])
@@ -68,6 +68,22 @@ def test_who_learnt_with_a_robot_is_not_tested_by_it(path):
     assert "| 2 of 2, p = 1 | 2 of 2, p = 1 |" in said  # 0.5 each, of four
     assert "| `go1` | 3 | 12 | (900, 50 %) | 800, 50 % |" in said
     assert scaling.drawn(found).count("<svg") == 3
+
+
+def test_who_cannot_act_on_a_robot_is_compared_on_those_on_which_it_can(path):
+    study = read_study(path)
+    idle = ("two", "zoo:quadruped:1000")
+    own = [r | {"episodes": "0"} if (r["arm"], r["robot"]) == idle else r for r in rows()]
+    found = played(study, own)
+    assert unseen(found) == [["quadruped", "zoo:quadruped:1000"], ["quadruped"]]
+    said = table(study, own, found).replace("\N{NO-BREAK SPACE}", " ")
+    _, first, second = said.split("robots that nobody learnt with and on which")
+    assert first.startswith(" these arms") and "| two |" not in first
+    assert "| one | base acceleration | 1 | 2 | 450 (400 to 500) |" in first
+    assert "| two | base acceleration | 2 | 2 | 850 (800 to 900) |" in second
+    assert "| one | base acceleration | 1 | 2 | 600 (500 to 700) |" in second
+    assert "| 300, 50 % | cannot act |" in second
+    assert scaling.drawn(found).count("<svg") == 5  # two panels for each set, and the sheet
 
 
 def test_what_is_kept_is_of_the_robots_and_policies_of_today(path, tmp_path, monkeypatch):
