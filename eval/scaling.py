@@ -78,13 +78,13 @@ def main(config: ScalingConfig) -> int:
     console = Console(width=200, highlight=False)
     study = read_study(config.study, config.runs)
     check_cells(study)
-    page = DOCS / f"{study.page}.md"
+    page, part = DOCS / f"{study.page}.md", f"{study.name}, unseen robots"
     if study.transfer is None:
         raise RunError(f"{config.study}: has no [transfer]. Expected one, with unseen robots.")
     if len({arm.env for arm in arms(study)}) > 1:
         raise RunError(f"{config.study}: has several environments. Expected one for all arms.")
     if config.write_docs:
-        spliced(page, "", "robots")  # refuses a page without marks before anything is played
+        spliced(page, "", part)  # refuses a page without marks before anything is played
     check_folder(study.runs / "transfer", "runs")
     waiting = list(jobs(study))
     failed = run_jobs(waiting, config.workers or cores(), console, keep_going=True)
@@ -99,7 +99,7 @@ def main(config: ScalingConfig) -> int:
         write(DOCS / f"{name}.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
         write(DOCS / f"{name}.svg", drawn(found))
         shown = f"![Robots learnt with against return and falls on unseen ones]({name}.svg)"
-        splice(page, f"{shown}\n\n{_LEGEND}\n\n{said}\n\n[All rows]({name}.csv).", "robots")
+        splice(page, f"{shown}\n\n{_LEGEND}\n\n{said}\n\n[All rows]({name}.csv).", part)
     return 1 if failed else 0
 
 
