@@ -23,9 +23,8 @@ import numpy as np
 import tyro
 
 import fbid_gym
-from eval.page.colours import colours_of
 from eval.page.docs import DOCS, command_block, markdown_table, splice, spliced
-from eval.page.figures import bars
+from eval.page.figures import bars, colours_of
 from eval.page.html import render
 from eval.results import Estimate
 from eval.statistics import Chance, holm, improvement, over_tasks, p_value

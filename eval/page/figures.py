@@ -7,7 +7,7 @@ on a curve.
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator
 from scipy.optimize import isotonic_regression
 
 from eval.page.svg import COLOUR, TickLabels, axes_of, round_ticks, tooltip
-from eval.results import Band, Estimate
+from eval.results import Estimate
 from eval.wording import Form, capital, form_of, number, span, titled
 from train.episodes import Metric
 
@@ -27,6 +27,28 @@ STYLE = (Path(__file__).parent / "style.css").read_text()
 WIDTH, HEIGHT = 400.0, 270.0
 _BOTTOM, _LINE, _GAP = 36.0, 13.0, 24.0
 Values = Sequence[float] | np.ndarray
+
+NUM_COLOURS = 10  # of the page's style, `c0`, `c1` and so on
+
+COLOURS = (
+    "base acceleration",
+    "joint position",
+    "torque",
+    "joint acceleration",
+    "com wrench",
+    "joint position feedforward",
+)
+"""A layer has the same colour in every report; layers with options take the remaining ones."""
+
+
+def colours_of(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of the colour of each name: of a layer, of one with options, of an arm."""
+    words = {name: name.replace("_", " ") for name in names}
+    chosen = {name: COLOURS.index(its) for name, its in words.items() if its in COLOURS}
+    free = [k for k in range(NUM_COLOURS) if k not in chosen.values()]
+    for k, name in enumerate(sorted(words.keys() - chosen.keys())):
+        chosen[name] = free[k % len(free)]
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -45,42 +67,10 @@ class Series:
     dots: bool = False  # mark the points of the curve
 
     @classmethod
-    def learnt(
-        cls,
-        name: str,
-        colour: int,
-        band: Band,
-        singles: Sequence[tuple[Sequence[float], Values]],
-        per: float = 1.0,
-    ) -> "Series":
-        """Make one of a band and of the curves of its runs, where there are several.
-
-        Abscissae are divided by `per`.
-        """
-        thin = [(np.asarray(x) / per, y) for x, y in singles] if len(singles) > 1 else ()
-        grid = np.asarray(band.grid) / per
-        return cls(name, colour, grid, band.value, band.low, band.high, thin)
-
-    @classmethod
     def constant(cls, name: str, colour: int, until: float, value: Estimate) -> "Series":
         """Make one that does not change, from 0 to the abscissa `until`, with its interval."""
         low, high = (None if end is None else [end, end] for end in (value.low, value.high))
         return cls(name, colour, [0.0, until], [value.value] * 2, low, high)
-
-    @classmethod
-    def through(
-        cls,
-        name: str,
-        colour: int,
-        x: Values,
-        points: Sequence[Estimate],
-        dashed: Values | None = None,
-    ) -> "Series":
-        """Make one that goes through points, with their intervals if they have any."""
-        low = [point.low for point in points if point.low is not None] or None
-        high = [point.high for point in points if point.high is not None] or None
-        value = [point.value for point in points]
-        return cls(name, colour, x, value, low, high, dashed=dashed, dots=True)
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eval.play.carry import State, carried, imposed, pushed
 from eval.play.controls import ALONE, Settings
-from eval.play.policies import layer_of
 from eval.play.stage import NO_POLICY, Stage
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.fitting import check_fits
 from fbid_gym.envs.policy_step import Step
+from fbid_gym.policy import Policy
+
+State = dict[str, np.ndarray]
+"""All that the future of a robot depends on: the arrays of `EnvBatch.state_dict`."""
 
 _ONLY = np.zeros(1, int)
+_NEVER = np.iinfo(np.int64).max // 2
 
 
 class Player(NamedTuple):
@@ -26,6 +29,11 @@ class Player(NamedTuple):
     def word(self) -> str:
         """What it is called beside another."""
         return self.layer if self.policy == NO_POLICY else f"policy {Path(self.policy).name}"
+
+
+def layer_of(policy: Policy) -> str:
+    """Return the layer through which a policy acts."""
+    return str(policy.env_args.get("action_layer", "joint_position"))
 
 
 def players(stage: Stage, settings: Settings) -> list[Player]:
@@ -76,17 +84,57 @@ class Lane:
         self.apply(settings)
 
     def take_over(self, other: "Lane") -> None:
-        """Go on where another robot is, with a fresh memory of the layer."""
-        self.batch.load_state_dict(carried(other.state(), self.state()))
+        """Go on where another robot is, with a fresh memory of the layer.
+
+        Actions on their way are those of the old layer: where they were as many they arrive, else
+        the zero action does.
+        """
+        state, fresh = other.state(), self.state()
+        state = {name: value for name, value in state.items() if not name.startswith("memory.")}
+        state |= {name: value for name, value in fresh.items() if name.startswith("memory.")}
+        if state["delay.action"].shape != fresh["delay.action"].shape:
+            state["delay.action"] = np.zeros_like(fresh["delay.action"])
+        self.batch.load_state_dict(state)
         self.last, self.fallen, self.falls = other.last, other.fallen, other.falls
 
     def apply(self, settings: Settings) -> None:
         """Let settings that need no reset act from now on."""
-        self.batch.load_state_dict(imposed(self.batch, self.state(), settings))
+        state, robot, rates = self.state(), self.batch.robot, self.batch.rates
+        trunk = robot.base_body
+        state["plant.mass"][:] = 1.0
+        state["plant.mass"][:, trunk] += settings["added_mass"] / robot.model.body_mass[trunk]
+        delay, loop = float(settings["action_delay"]), 1e-3 * float(settings["loop_delay"])
+        values = {
+            "plant.friction": settings["friction"],
+            "plant.motor_strength": settings["motors"],
+            "plant.model_mass": settings["model_mass"],
+            "plant.action_delay": delay,
+            "plant.loop_delay": loop,
+            "simulation.loop_ticks": round(loop * rates.control, 6),
+            "delay.ticks": round(delay * rates.control),
+        }
+        if self.batch.task.kind.gait:
+            values["plan.command"] = [settings.get(name, 0.0) for name in ("ahead", "left", "turn")]
+            values["plan.lowered"] = -settings["height"]
+        elif "height" in settings:
+            values["plan.command"] = settings["height"]
+        elif "pace" in settings:
+            values["plan.speed"] = settings["pace"]
+        for name, value in values.items():
+            state[name][...] = value
+        self.batch.load_state_dict(state)
 
     def push(self, force: np.ndarray, steps: int) -> None:
-        """Push with a force (3,) N for some policy steps from now on; 0 steps end a push."""
-        self.batch.load_state_dict(pushed(self.batch, self.state(), force, steps))
+        """Push with a force (3,) N for some policy steps from now on, instead of any push before.
+
+        Each of these steps is a push of the environment's own; 0 steps end a push.
+        """
+        state = self.state()
+        start, forces = state["plan.push_start"], state["plan.push_force"]
+        start[:], forces[:] = _NEVER, 0.0
+        start[0, :steps] = state["tick"][0] + np.arange(steps) * self.batch.rates.ticks
+        forces[0, :steps] = force
+        self.batch.load_state_dict(state)
 
     def step(self) -> None:
         """Go on by one policy step."""

@@ -41,14 +41,18 @@ class Plots:
 
     def note(self, time: float, lanes: list[Lane]) -> None:
         """Take the figures of the last policy step, at a time in s of the session."""
-        if any(lane.last is None for lane in lanes):
+        told = [lane.last.info for lane in lanes if lane.last is not None]
+        if len(told) < len(lanes):
             return
         speeds = [_velocity(lane, self._walks) for lane in lanes]
         commands = [_command(lanes[0])] if self._walks else []
-        first = lanes[0].batch
-        shares = lanes[0].last.info["torque"][0] / first.robot.torque_limit  # type: ignore[union-attr]
-        law = [_figures(lane) for lane in lanes]
-        rows = (np.concatenate([*speeds, *commands]), shares, np.concatenate(law))
+        shares = told[0]["torque"][0] / lanes[0].batch.robot.torque_limit
+        law = [
+            float(info.get(name, [np.nan])[0])  # NaN where there is no law
+            for info in told
+            for name in ("layer_residual", "layer_saturation")
+        ]
+        rows = (np.concatenate([*speeds, *commands]), shares, np.array(law))
         for kept, row in zip(self._rows, rows, strict=True):
             kept.append(row)
         self._times.append(time)
@@ -99,11 +103,3 @@ def _command(lane: Lane) -> np.ndarray:
     own = lane.batch.config.observation == BODY
     size = own_units(lane.batch.task.body).speed if own else 1.0
     return size * lane.batch.observation()[0, first : first + 2].astype(float)
-
-
-def _figures(lane: Lane) -> np.ndarray:
-    """(2,) the law's residual, NaN where there is no law, and the saturation."""
-    info = {} if lane.last is None else lane.last.info
-    return np.array(
-        [float(info.get(n, [np.nan])[0]) for n in ("layer_residual", "layer_saturation")]
-    )

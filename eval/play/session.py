@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eval.play.controls import ASIDE, MOST_PUSH, Control, Settings, checked, controls, rescaled
-from eval.play.lane import Lane, players
-from eval.play.policies import brought, resolved
-from eval.play.stage import MOST_PUSH_SECONDS, Stage
+from eval.play.lane import Lane, layer_of, players
+from eval.play.stage import MOST_PUSH_SECONDS, NO_POLICY, Stage
 from fbid_gym.checks import number
 from fbid_gym.errors import FbidError, InvalidValueError
 
@@ -226,3 +225,39 @@ class Session:
         for lane in self.lanes:
             lane.reset(self.settings)
             lane.falls = 0
+
+
+def brought(stage: Stage, settings: Settings, name: str, value: Any) -> Settings:
+    """Return what else changes with a setting: with a policy its layer, with a layer the policy."""
+    if name == "policy" and value in stage.policies:
+        policy = stage.policies[value]
+        options = policy.env_args.get("layer_options") or {}
+        return {
+            "layer": layer_of(policy),
+            "contact_limits": options.get("contact_limits", "friction"),
+        }
+    if name == "layer":
+        acting = stage.policies.get(settings["policy"])
+        if acting is not None and layer_of(acting) != value:
+            return {"policy": NO_POLICY}
+    return {}
+
+
+def resolved(stage: Stage, offered: Mapping[str, Control], given: Mapping[str, Any]) -> Settings:
+    """Return all settings for those that are given, the others as they are at the start.
+
+    Raises:
+        FbidError: a setting that may not be, or a layer that is not that of the policy.
+    """
+    asked = {name: checked(offered, name, value) for name, value in given.items()}
+    settings = {name: control.default for name, control in offered.items()}
+    for name in ("policy", "layer"):  # as a viewer would, the policy first
+        if name in asked:
+            settings |= {name: asked[name]} | brought(stage, settings, name, asked[name])
+    settings |= asked
+    if settings["policy"] in stage.policies:
+        its = layer_of(stage.policies[settings["policy"]])
+        if its != settings["layer"]:
+            expected = f"{its!r}, through which {settings['policy']} acts"
+            raise InvalidValueError("layer", settings["layer"], expected)
+    return settings

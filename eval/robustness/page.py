@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup
 
-from eval.page.colours import colours_of
-from eval.page.figures import Marks, Series, panel, sheet
+from eval.page.figures import Marks, Series, colours_of, panel, sheet
 from eval.page.html import render
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
 from eval.robustness.factors import BY_NAME, Factor
@@ -83,7 +82,10 @@ def _series(
             continue
         dashed = [point.value for point in curves[zeros[layer]].points] if layer in zeros else None
         points = curves[arm].points
-        series.append(Series.through(arm, colours[arm], values, points, dashed))
+        low = [point.low for point in points if point.low is not None] or None
+        high = [point.high for point in points if point.high is not None] or None
+        value = [point.value for point in points]
+        series.append(Series(arm, colours[arm], values, value, low, high, dashed=dashed, dots=True))
     return series
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from eval.clips import Shown, fate
-from eval.page.colours import colours_of
+from eval.page.figures import colours_of
 from eval.rollout import Player, filmed
 from eval.study.results import RETURN, ArmFound, Findings
 from fbid_gym.errors import FbidError

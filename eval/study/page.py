@@ -9,10 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 from eval.clips import legend
-from eval.page.colours import colours_of
-from eval.page.figures import Series, Strip, panel, strips
+from eval.page.figures import Series, Strip, colours_of, panel, strips
 from eval.page.html import STARTS, render
-from eval.results import Crossing
+from eval.results import Band, Crossing
 from eval.robustness.curves import CONFIDENCE, Robustness
 from eval.robustness.page import factors
 from eval.robustness.tables import means
@@ -141,9 +140,11 @@ def _panel(
             series.append(pace.scaled(level, measure.name, over_steps=False))
             continue
         begun = [cell for cell in arm.cells if cell.begun]
-        singles = [(getattr(cell, axis), cell.curves[measure.name]) for cell in begun]
-        band = getattr(arm, f"by_{axis}")[measure.name]
-        own = Series.learnt(arm.name, colours[arm.name], band, singles, scale)
+        thin = [(np.array(getattr(cell, axis)) / scale, cell.curves[measure.name])
+                for cell in begun if len(begun) > 1]  # fmt: skip
+        band: Band = getattr(arm, f"by_{axis}")[measure.name]
+        x, edges = np.array(band.grid) / scale, (band.low, band.high)
+        own = Series(arm.name, colours[arm.name], x, band.value, *edges, thin)
         series.append(pace.scaled(own, measure.name, over_steps=over_steps))
     label = capital(pace.titled(measure.label, measure.name))
     title = f"{label} over {'steps' if over_steps else 'time'}"

@@ -10,9 +10,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from eval.page.colours import colours_of
 from eval.page.docs import markdown_table
-from eval.page.figures import Series, panel, sheet
+from eval.page.figures import Series, colours_of, panel, sheet
 from eval.results import Estimate, greatest_return
 from eval.statistics import first_crossing
 from eval.study import fresh

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import tyro
 
-from eval.page.colours import colours_of
-from eval.page.figures import Marks, Series, panel, sheet
+from eval.page.figures import Marks, Series, colours_of, panel, sheet
 from eval.rollout import Player, filmed
 from eval.tools.site.environments import Scene
 from fbid_gym.actions import LAYERS
