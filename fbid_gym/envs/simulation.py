@@ -11,7 +11,7 @@ from fbid_gym.dynamics.mujoco_dynamics import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.motors import MotorState, turn_motors
-from fbid_gym.envs.tick import Wiring, find_diverged, read, write_controls
+from fbid_gym.envs.tick import Wiring, find_diverged, read
 from fbid_gym.errors import RobotError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
@@ -50,7 +50,7 @@ class Simulation:
         self.qvel = self.batch.bind("qvel")[:, : robot.nv]  # live
         self._substeps, self._geometry = rates.substeps, Stance.of(robot).geometry
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
-        self._shape = num_robots, robot.num_joints
+        self._controls, shape = self.batch.bind("ctrl"), (num_robots, robot.num_joints)
         first = robot.contact_sensor.min()
         columns = slice(first, first + robot.contact_sensor.size)
         if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
@@ -63,8 +63,7 @@ class Simulation:
             position=column_of(self.qpos, self.batch),
             velocity=column_of(self.qvel, self.batch),
             push=column_of(self._push, self.batch),
-            controls=column_of(self.batch.bind("ctrl"), self.batch)
-            + robot.actuator.astype(np.int64),
+            controls=column_of(self._controls, self.batch) + robot.actuator.astype(np.int64),
             contact=int(first),
             gear=robot.gear,
         )
@@ -75,8 +74,8 @@ class Simulation:
         self._terms: DynamicsTerms | None = None
         self._stale = np.ones(num_robots, bool)  # whose terms are those of an earlier state
         # Delays torques on their way to the motors, by nothing unless it is replaced.
-        self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
-        self._drives, self._motors = drives_of(robot), MotorState.cold(*self._shape)
+        self.loop = LoopDelay.of(*shape, rates.control, 0.0)
+        self._drives, self._motors = drives_of(robot), MotorState.cold(*shape)
         self.motors = None if robot.drives is None else self._motors
         turns = 1 if self.motors is None else self._substeps
         steps = self._substeps // turns
@@ -128,10 +127,7 @@ class Simulation:
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m of ideal motors: all robots, or some `ids`."""
-        if torque.shape != self._shape:
-            torque = np.broadcast_to(torque, self._shape)
-        torque = np.ascontiguousarray(torque, dtype=float)
-        write_controls(self._wiring, torque)
+        self._controls[:, self.robot.actuator] = torque / self.robot.gear
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
         self.note_change()
         self.contact_force[:] = self._sensors

@@ -28,15 +28,6 @@ class Wiring(NamedTuple):
 
 
 @kernel
-def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
-    """Let the motors of N robots give torques (N, n) N·m, or (1, n) all of them the same."""
-    for i in range(len(wiring.rows)):
-        wanted = torque[min(i, len(torque) - 1)]
-        for j in range(len(wiring.gear)):
-            wiring.rows[i, wiring.controls[j]] = wanted[j] / wiring.gear[j]
-
-
-@kernel
 def read(wiring: Wiring, effort: Effort, state: RobotState) -> None:
     """Read what a control tick did to N robots; updates their state, and the effort's power."""
     rows = wiring.rows
