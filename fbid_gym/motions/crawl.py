@@ -8,7 +8,6 @@ anywhere. The paper takes its gait from a planner that is not given; this is a p
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -198,11 +197,8 @@ class Crawl:
             worst = float(speed[np.argmax(np.abs(speed - 0.5 * (slow + fast)))])
             raise InvalidValueError("speed", worst, f"a speed in [{slow:g}, {fast:g}] m/s")
         share = (speed - slow) / max(fast - slow, 1e-12)
-        return look_up(self.rows, self._planted, np.ascontiguousarray(tick), share, True)
-
-    @cached_property
-    def _planted(self) -> np.ndarray:
-        return self.tables[0].rows.planted.copy()  # the same at all speeds
+        planted = self.tables[0].planted  # the same at all speeds
+        return look_up(self.rows, planted, np.ascontiguousarray(tick), share, True)
 
 
 def crawl(robot: Robot, gait: CrawlGait | None = None, *, hz: int = 500) -> Crawl:
@@ -298,7 +294,11 @@ def _table(
         standing[lift, foot] = True  # it leaves the ground as it rolled on it
 
     radius = foot_radius(robot)
-    bump = _bump(gait, ticks, hz)
+    # Height of a swinging foot over its ticks in the air and the next one: smooth at both ends.
+    share, seconds = np.arange(length + 1) / length, length / hz
+    height = 64 * gait.swing_height * Polynomial([0.0, 1.0, -1.0]) ** 3
+    rates = height.deriv()(share) / seconds, height.deriv(2)(share) / seconds**2
+    bump = Curve(height(share), *rates)
 
     def centres(spin: np.ndarray, rate: np.ndarray) -> Curve:
         """Where the spheres' centres are, for feet that roll with this spin."""
@@ -340,14 +340,6 @@ def _check_over_feet(robot: Robot, states: States, planted: np.ndarray) -> None:
 def _across(turn: np.ndarray) -> np.ndarray:
     """Direction (T, 2) in which a sphere rolls: turn × z."""
     return np.stack([turn[:, 1], -turn[:, 0]], axis=1)
-
-
-def _bump(gait: CrawlGait, ticks: int, hz: int) -> Curve:
-    """Height of a swinging foot over its ticks in the air and the next one: smooth at both ends."""
-    length = round(gait.swing * ticks)
-    s, seconds = np.arange(length + 1) / length, length / hz
-    height = 64 * gait.swing_height * Polynomial([0.0, 1.0, -1.0]) ** 3
-    return Curve(height(s), height.deriv()(s) / seconds, height.deriv(2)(s) / seconds**2)
 
 
 def _foot_path(rolled: Curve, lift: int, touch: int, stride: float, step: float) -> Curve:

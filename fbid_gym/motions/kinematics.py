@@ -114,15 +114,13 @@ def base_on_feet(
                 "joint angles that keep planted feet where they are",
             )
         qpos[rows, :3], qpos[rows, 3:7] = position, matrix_to_quaternion(rotation)
-    for rows, terms in chunked(dynamics, qpos, np.zeros_like(qvel)):
-        contacts = reduced_contacts(geometry, terms, active[rows])
-        base = _base_inverse(contacts.jacobian, rows.start)
-        qvel[rows, :6] = -np.matvec(base, np.matvec(contacts.jacobian[:, :, 6:], qvel[rows, 6:]))
-    for rows, terms in chunked(dynamics, qpos, qvel):
-        contacts = reduced_contacts(geometry, terms, active[rows])
-        base = _base_inverse(contacts.jacobian, rows.start)
-        drift = np.matvec(contacts.jacobian[:, :, 6:], qacc[rows, 6:]) + contacts.bias
-        qacc[rows, :6] = -np.matvec(base, drift)
+    # First the velocities, for which there is no bias: that of a robot at rest is zero.
+    for moving, rates in ((np.zeros_like(qvel), qvel), (qvel, qacc)):
+        for rows, terms in chunked(dynamics, qpos, moving):
+            contacts = reduced_contacts(geometry, terms, active[rows])
+            base = _base_inverse(contacts.jacobian, rows.start)
+            drift = np.matvec(contacts.jacobian[:, :, 6:], rates[rows, 6:]) + contacts.bias
+            rates[rows, :6] = -np.matvec(base, drift)
     return States(qpos, qvel, qacc)
 
 

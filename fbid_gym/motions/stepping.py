@@ -122,7 +122,9 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
     joints = Curve(*(part[:, -robot.num_joints :].copy() for part in states))
     planted, jumps = standing.copy(), np.zeros(ticks, bool)
     for leg, middle in enumerate((0.25, 0.75)):
-        first, last = _airborne(steps, middle, hz)
+        # First tick in the air and first tick on the ground again.
+        ends = (middle - 0.5 * steps.single, middle + 0.5 * steps.single)
+        first, last = (round(end * (steps.period * hz)) for end in ends)
         planted[first:last, legs.foot[leg]] = False
         if steps.ramp == 0.0:
             jumps[[first, last % ticks]] = True
@@ -138,12 +140,6 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
 def _centres(points: np.ndarray, sizes: list[int]) -> np.ndarray:
     """Return the centre of each foot's points, (F, 3)."""
     return np.array([part.mean(axis=0) for part in np.split(points, np.cumsum(sizes)[:-1])])
-
-
-def _airborne(steps: Steps, middle: float, hz: int) -> tuple[int, int]:
-    """First tick in the air and first tick on the ground again."""
-    period, half = steps.period * hz, 0.5 * steps.single
-    return round((middle - half) * period), round((middle + half) * period)
 
 
 def _lifted(steps: Steps, time: np.ndarray, first: int, last: int, hz: int) -> Curve:

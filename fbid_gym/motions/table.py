@@ -86,18 +86,17 @@ class MotionTable:
             tick: (N,) int control ticks since the motion began, not negative.
             speed: not used: this motion takes no command.
         """
-        numbers = self._numbers
-        share = np.zeros(len(tick))
-        ticks = np.ascontiguousarray(tick)
-        return look_up(numbers, self._planted, ticks, share, self.periodic)
+        ticks, share = np.ascontiguousarray(tick), np.zeros(len(tick))
+        return look_up(self._numbers, self.planted, ticks, share, self.periodic)
 
     @cached_property
     def _numbers(self) -> np.ndarray:
         return side_by_side(self.rows)[:, None]
 
     @cached_property
-    def _planted(self) -> np.ndarray:
-        return self.rows.planted.copy()  # compiled code takes no array that is read-only
+    def planted(self) -> np.ndarray:
+        """(T, F) bool, of the rows, for compiled code: it takes no array that is read-only."""
+        return self.rows.planted.copy()
 
 
 def side_by_side(rows: Target) -> np.ndarray:
@@ -207,7 +206,6 @@ def _check_rates(motion: MotionTable) -> None:
     """
     following = np.ones(motion.period, bool) if motion.jumps is None else ~motion.jumps
     if not motion.periodic:
-        following = following.copy()
         following[0] = False
     step, rows = 1.0 / motion.hz, motion.rows
     velocity, acceleration = rows.qvel[:, 6:], rows.qacc[:, 6:]

@@ -12,7 +12,6 @@ from typing import Annotated
 
 from fbid_gym import motions
 from fbid_gym.options import Number, Pair, checked
-from fbid_gym.robots import Robot
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.tasks.task import Episode
 from fbid_gym.tasks.tracking import Tracking
@@ -36,20 +35,12 @@ def crawl(
         swing_height: m, how high a swinging foot is lifted.
     """
     robot, hz = episode.body.robot, episode.hz
-    motion = _motion(robot, hz, step_seconds, swing_height, speed_range)
-    gait, speeds = motion.gait, (motion.gait.slowest, motion.gait.fastest)
+    own = {"period": step_seconds, "swing_height": swing_height}
+    gait = motions.gait_for(robot, hz, **own, speeds=speed_range)
+    motion, speeds = _motion(robot, gait, hz=hz), (gait.slowest, gait.fastest)
     derived = {"step_seconds": gait.period, "swing_height": gait.swing_height}
     return Tracking.of(episode, motion, {"speed_range": speeds, **derived}, speeds)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.
-@once_for_robot
-def _motion(
-    robot: Robot,
-    hz: int,
-    period: float | None,
-    swing_height: float | None,
-    speeds: tuple[float, float] | None,
-) -> motions.Crawl:
-    gait = motions.gait_for(robot, hz, period=period, swing_height=swing_height, speeds=speeds)
-    return motions.crawl(robot, gait, hz=hz)
+_motion = once_for_robot(motions.crawl)

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_choices
 from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 
 
@@ -57,8 +58,7 @@ def schedule_of(robot: Robot, gait: str = "trot", period: float | None = None) -
         UnknownOptionError: a gait that is none of `PATTERNS`.
         RobotError: the robot has not one foot at each corner.
     """
-    if gait not in PATTERNS:
-        raise UnknownOptionError("gait", gait, PATTERNS)
+    check_choices("gait", [gait], PATTERNS)
     pattern, stance = PATTERNS[gait], Stance.of(robot)
     time = math.sqrt(stance.home_com[2] / robot.gravity)
     lift = np.array(pattern.lift)[corners_of(robot)]
