@@ -169,7 +169,11 @@ class Chunks:
         for head, batches in self._named_kinds():
             parts = [batch.state_dict() for batch in batches]
             state |= {head + n: np.concatenate([part[n] for part in parts]) for n in parts[0]}
-        return state | {"config": np.frombuffer(self._config().encode(), np.uint8).copy()}
+        own = self.batches[0].config.as_dict()
+        if len(self.kinds) > 1:
+            own["robot"] = [kind[0].robot.name for kind in self.kinds]
+        config = json.dumps(own, sort_keys=True, default=str)
+        return state | {"config": np.frombuffer(config.encode(), np.uint8).copy()}
 
     def _named_kinds(self) -> list[tuple[str, list[EnvBatch]]]:
         """How the names in a state begin of each robot's arrays, and its chunks."""
@@ -188,7 +192,13 @@ class Chunks:
             raise InvalidValueError("state", state, "a dictionary from names to arrays")
         if "config" not in state:
             raise InvalidValueError("state", list(state), "'config' among its arrays")
-        _check_same(_read_config(state["config"]), _read_config(config))
+        # Options that are younger than the state have their defaults in it.
+        younger = {name: option.default for name, option in options_of(EnvConfig).items()}
+        told = _read_config(state["config"])
+        for name, value in _read_config(config).items():
+            if (younger | told).get(name) != value:
+                called = f"state of environments with {name}"
+                raise InvalidValueError(called, told.get(name), value)
         given = {name: checked_array(name, value, state) for name, value in own.items()}
         parts = list[tuple[EnvBatch, dict[str, np.ndarray]]]()
         for head, batches in self._named_kinds():
@@ -205,12 +215,6 @@ class Chunks:
         """Raise an error if they are closed."""
         if self._closed:
             raise FbidError("These environments are closed: make others.")
-
-    def _config(self) -> str:
-        own = self.batches[0].config.as_dict()
-        if len(self.kinds) > 1:
-            own["robot"] = [kind[0].robot.name for kind in self.kinds]
-        return json.dumps(own, sort_keys=True, default=str)
 
 
 def _evenly(count: int, parts: int) -> list[int]:
@@ -258,13 +262,6 @@ def checked_array(name: str, own: np.ndarray, state: Mapping[str, Any]) -> np.nd
     if array.dtype.kind == "f":
         check_finite(called, array)
     return array.astype(own.dtype, copy=False)
-
-
-def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:
-    younger = {name: option.default for name, option in options_of(EnvConfig).items()}
-    for name, value in own.items():
-        if (younger | given).get(name) != value:
-            raise InvalidValueError(f"state of environments with {name}", given.get(name), value)
 
 
 def _joined(steps: list[Step]) -> Step:

@@ -183,36 +183,29 @@ class EnvBatch:
         some_lost = np.count_nonzero(lost)
         if some_lost:
             self._retire(np.flatnonzero(lost))
-        self._add_up()
+        velocity = self.simulation.qvel
+        self._sums["distance"] += np.hypot(velocity[:, 0], velocity[:, 1]) / self.rates.policy
+        self._sums["energy"] += self._effort.power / self.rates.control
         outcome = self._outcome(self._effort)
         measured, known = self._measures(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
         seen = self.observer.observe(known, measured)
         if some_lost:
-            self._show_last_seen(lost, shares, metrics, seen)
+            # A diverged robot has no state worth judging or observing: what was last seen stands.
+            before = lost & (self._tick > self.rates.ticks)
+            shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
+            seen[lost] = self._observation[lost]
         reward = answers.summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
         fallen = outcome.posture.fallen
         terminated = fallen | lost
-        truncated = self._over() & ~terminated
+        strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
+        truncated = (strayed | (self._tick >= self.limits * self.rates.ticks)) & ~terminated
         info = dict(zip(self._reward_names, shares, strict=True))
         info |= zip(self._metric_names, metrics.copy(), strict=True)
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
         info["clipped_actions"] = clipped
         return Step(self.observation(), reward, terminated, truncated, info)
-
-    def _show_last_seen(
-        self, lost: np.ndarray, shares: np.ndarray, metrics: np.ndarray, seen: np.ndarray
-    ) -> None:
-        """A diverged robot has no state worth judging or observing: what was last seen stands."""
-        before = lost & (self._tick > self.rates.ticks)
-        shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
-        seen[lost] = self._observation[lost]
-
-    def _over(self) -> np.ndarray:
-        """Which episodes have lasted their time or left their ground: (N,) bool."""
-        strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
-        return strayed | (self._tick >= self.limits * self.rates.ticks)
 
     def _climb(self, terminated: np.ndarray, truncated: np.ndarray) -> dict[str, np.ndarray]:
         """Let a curriculum, if there is one, take note of the step; the levels it was made on."""
@@ -270,30 +263,22 @@ class EnvBatch:
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""
+        tiles, ground = self.terrain.tiles, dict[str, np.ndarray]()
+        if tiles.kinds.size:  # of several kinds
+            ground["terrain_kind"] = tiles.kind(self._state.qpos[:, :2])
         return {
             "torque": self._effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
             "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self.loop.memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
-            **self._ground(),
+            **ground,
             **({} if self.perception is None else self.perception.errors(self._state)),
         }
-
-    def _ground(self) -> dict[str, np.ndarray]:
-        """What robots are on, where the ground is of several kinds."""
-        tiles = self.terrain.tiles
-        return {"terrain_kind": tiles.kind(self._state.qpos[:, :2])} if tiles.kinds.size else {}
 
     def look(self) -> None:
         """Note where the robots are, in arrays of our own; after a tick, the simulation does."""
         self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
-
-    def _add_up(self) -> None:
-        """Add the way and the energy of a policy step to those of the episodes."""
-        velocity, rates = self.simulation.qvel, self.rates
-        self._sums["distance"] += np.hypot(velocity[:, 0], velocity[:, 1]) / rates.policy
-        self._sums["energy"] += self._effort.power / rates.control
 
     def _outcome(self, effort: Effort) -> Outcome:
         return self.loop.outcome(self._state, self.simulation.terms(), effort, self._sums)
@@ -345,18 +330,19 @@ class EnvBatch:
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise InvalidValueError for numbers of a state that look up what is not there."""
-        history = self.loop.delay.arrays["action"].shape[1] - 1
+        waiting = self.loop.delay.arrays["action"].shape[1] - 1
         most = {
             "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
             "limits": self.num_steps,
-            "delay.ticks": history * self.rates.ticks,
+            "delay.ticks": waiting * self.rates.ticks,
             "simulation.loop_ticks": self.simulation.loop.most_ticks,
             "progress.level": self._progress.levels - 1,
             "planned.carrier": self.robot.num_feet - 1,
             "generator": saved.MOST_NUMBERS,
         }
         if self.perception is not None:
-            most |= {f"perception.{k}": v for k, v in self.perception.greatest.items()}
+            history = self.perception.arrays["wear_history"].shape[1] - 1
+            most["perception.wear_latency"] = history
         saved.check_bounds(state, most)
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:

@@ -178,7 +178,12 @@ class EnvConfig:
         check_height(self.terrain, self.terrain_height)
         motor_table(self.motors)
         self.rates()
-        _check_felt(self.motors, self.randomisations())
+        drawn = self.randomisations()
+        for name in ("motor_speed", "motor_lag"):
+            value = getattr(drawn, name)
+            if self.motors == IDEAL and value != (1.0, 1.0):  # these have no such thing
+                expected = f'(1, 1) with motors "{IDEAL}"'
+                raise InvalidValueError(f"randomisation {name}", value, expected)
         if self.perceived() is None and self.state == "estimated":
             expected = '"true" with perfect sensors, of which nothing has to be estimated'
             raise InvalidValueError("state", self.state, expected)
@@ -403,15 +408,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value
-
-
-def _check_felt(motors: Any, drawn: Randomisation) -> None:
-    """Raise InvalidValueError for what motors vary in that ideal ones do not have."""
-    for name in ("motor_speed", "motor_lag"):
-        value = getattr(drawn, name)
-        if motors == IDEAL and value != (1.0, 1.0):
-            expected = f'(1, 1) with motors "{IDEAL}"'
-            raise InvalidValueError(f"randomisation {name}", value, expected)
 
 
 def _at_least(least: float, name: str, seconds: float) -> float:

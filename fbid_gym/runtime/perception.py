@@ -96,8 +96,3 @@ class Perception:
         """All that goes on from tick to tick, by name; live."""
         worn = {f"wear_{name}": value for name, value in self._wear._asdict().items()}
         return worn | dict(self.estimator.arrays)
-
-    @property
-    def greatest(self) -> dict[str, int]:
-        """The largest whole number that an array may hold where it looks something up."""
-        return {"wear_latency": self._wear.history.shape[1] - 1}
