@@ -10,8 +10,6 @@ takes a robot back to the first level; `state_dict` keeps it. `info` has `terrai
 `command_level`, 0 to 10, of the present episode.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fbid_gym.robots.terrain import NUM_LEVELS, Tiles
@@ -19,32 +17,24 @@ from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Plan
 
 
-@dataclass(frozen=True, eq=False)
 class Climb:
     """Of N robots."""
 
-    tiles: Tiles  # of the terrain
-    names: tuple[str, ...]  # of what has levels: "terrain", "command"
-    levels: int
-    first: int  # level at which they begin
-    # All that changes, by name: "level" (N,) int64, of the next or present episode; "error" (N,)
-    # m/s, sum of the errors of velocity; "steps" (N,) int64, how many these are; "ended" (N,) bool,
-    # whether the episode has.
-    arrays: dict[str, np.ndarray]
-
-    @classmethod
-    def of(cls, num_robots: int, tiles: Tiles, config: EnvConfig) -> "Climb":
-        """Return robots of an environment at the level of its difficulty."""
+    def __init__(self, num_robots: int, tiles: Tiles, config: EnvConfig) -> None:
+        """Begin at the level of the difficulty of the environment, whose terrain has `tiles`."""
+        self._tiles = tiles
         asked = {"terrain": config.curriculum, "command": config.command_curriculum}
-        levels = NUM_LEVELS if config.command_curriculum else tiles.number
-        first = round(config.difficulty * (levels - 1))
-        arrays = {
-            "level": np.full(num_robots, first, np.int64),
+        self.names = [name for name, given in asked.items() if given]  # of what has levels
+        self.levels = NUM_LEVELS if config.command_curriculum else tiles.number
+        self._first = round(config.difficulty * (self.levels - 1))  # where they begin
+        # All that changes, by name: level of the next or present episode; sum of its errors of
+        # velocity, m/s, and how many these are; whether it has ended.
+        self.arrays = {
+            "level": np.full(num_robots, self._first, np.int64),
             "error": np.zeros(num_robots),
             "steps": np.zeros(num_robots, np.int64),
             "ended": np.ones(num_robots, bool),
         }
-        return cls(tiles, tuple(n for n, given in asked.items() if given), levels, first, arrays)
 
     @property
     def level(self) -> np.ndarray:
@@ -53,12 +43,12 @@ class Climb:
 
     def begin(self, robot: int) -> None:
         """Take a robot back to the first level."""
-        self.arrays["level"][robot] = self.first
+        self.arrays["level"][robot] = self._first
 
     def place(self, starts: np.ndarray, robot: int, rng: np.random.Generator) -> np.ndarray:
         """Draw from the places (K, 2) m that of a robot, on its tile: (2,) m."""
-        tile = min(self.level[robot], self.tiles.number - 1)
-        places = starts.reshape(self.tiles.number, -1, 2)[tile]
+        tile = min(self.level[robot], self._tiles.number - 1)
+        places = starts.reshape(self._tiles.number, -1, 2)[tile]
         # Level ground is the same everywhere.
         return places[0] if len(places) == 1 else places[rng.integers(len(places))]
 

@@ -87,7 +87,7 @@ class EnvBatch:
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
-        self._progress = Climb.of(num_envs, self.terrain.tiles, config)
+        self._progress = Climb(num_envs, self.terrain.tiles, config)
         # (N, 3) m/s, at the beginning of the last policy step, NaN before the first; for `insight`.
         self.com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.

@@ -11,31 +11,27 @@ the mean of the old and the new one acts during the tick: the same impulse.
 What the motors' drives make of their own joints does not wait: they measure and act on the spot.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
 class LoopDelay:
     """Of N robots."""
 
-    control_hz: int  # control ticks per second
-    # All that changes, by name: "torque" (N, H, n) N·m, the last ones sent, newest first; "ticks"
-    # (N,), the delays in control ticks.
-    arrays: dict[str, np.ndarray]
+    def __init__(self, num_robots: int, num_joints: int, control_hz: int, longest: float) -> None:
+        """Begin without delay; robots may get one of at most `longest` s."""
+        self.control_hz = control_hz  # control ticks per second
+        size = 1 + int(np.ceil(round(longest * control_hz, 6)))
+        # All that changes, by name: the last torques sent, N·m, newest first; and the delays in
+        # control ticks.
+        self.arrays = {
+            "torque": np.zeros((num_robots, size, num_joints)),
+            "ticks": np.zeros(num_robots),
+        }
 
     @property
     def most_ticks(self) -> int:
         """Control ticks that a torque may wait."""
         return self.arrays["torque"].shape[1] - 1
-
-    @classmethod
-    def of(cls, num_robots: int, num_joints: int, control_hz: int, longest: float) -> "LoopDelay":
-        """Return robots without delay, who may get one of at most `longest` s."""
-        size = 1 + int(np.ceil(round(longest * control_hz, 6)))
-        torque = np.zeros((num_robots, size, num_joints))
-        return cls(control_hz, {"torque": torque, "ticks": np.zeros(num_robots)})
 
     def begin(self, ids: np.ndarray, seconds: np.ndarray) -> None:
         """Begin episodes of robots (K,) with delays (K,) s."""

@@ -51,7 +51,7 @@ class Plant:
         if not self._apart:
             return
         robot, hz, longest = simulation.robot, simulation.loop.control_hz, randomisation.loop_delay
-        simulation.loop = LoopDelay.of(count, robot.num_joints, hz, longest[1])
+        simulation.loop = LoopDelay(count, robot.num_joints, hz, longest[1])
         model = without_contact(robot)
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))

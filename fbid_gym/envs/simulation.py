@@ -74,7 +74,7 @@ class Simulation:
         self._terms: DynamicsTerms | None = None
         self._stale = np.ones(num_robots, bool)  # whose terms are those of an earlier state
         # Delays torques on their way to the motors, by nothing unless it is replaced.
-        self.loop = LoopDelay.of(*shape, rates.control, 0.0)
+        self.loop = LoopDelay(*shape, rates.control, 0.0)
         self._drives, self._motors = drives_of(robot), MotorState.cold(*shape)
         self.motors = None if robot.drives is None else self._motors
         turns = 1 if self.motors is None else self._substeps

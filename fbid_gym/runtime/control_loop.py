@@ -70,7 +70,7 @@ class ControlLoop:
         answers.check_memory(planned, count, task)
         self.planned = {name: value.copy() for name, value in planned.items()}
         self._num_own, self.num_actions = len(self.layer.action_names), len(self.action_names)
-        self.delay = ActionDelay.of(count, self.num_actions, self.rates, longest_delay)
+        self.delay = ActionDelay(count, self.num_actions, self.rates, longest_delay)
         self._torque_shape = count, robot.num_joints
 
     @property

@@ -71,12 +71,12 @@ class Controller:
         self._tick, sensors = np.zeros(1, np.int64), config.perceived()
         self._reader = None
         if sensors is not None and config.estimates:
-            self._reader = Reader.of(self.robot, sensors, self.rates.control, self._tick)
+            self._reader = Reader(self.robot, sensors, self.rates.control, self._tick)
         self.estimator = self._reader.estimator if self._reader else None
         observer = Observer(task, config.observation, config.history, 1, self.estimator)
         self._heights: Heights | None = None
         self.sees_ground = "scan" in observer.groups
-        self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(undrawn(self.robot))
+        self._sensing, self._dynamics = Sensing(self.robot), MuJoCoDynamics(undrawn(self.robot))
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
         self.loop = ControlLoop(config, task, drawn, home, observer)
         zero = np.zeros((1, self.loop.num_actions))

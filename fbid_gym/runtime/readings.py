@@ -1,7 +1,6 @@
 """What the sensors of one robot have read at a tick, by name, for an estimator."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -33,27 +32,21 @@ _FRESH = "fresh"
 _OF_A_STATE = {*SENSORS, TOUCH} - READINGS.keys()
 
 
-@dataclass(frozen=True, eq=False)
 class Reader:
     """Takes the readings of one robot to its estimator."""
 
-    robot: Robot  # the robot
-    estimator: Estimator  # of its state, N = 1
-    shapes: dict[str, tuple[int, ...]]  # of each reading's numbers, by name
-    spared: tuple[str, ...]  # names of those that may be left out
-    seconds: float  # from one reading of the encoders to the next
-    follow: float  # share of the way to the newest velocity that their low pass goes
-
-    @classmethod
-    def of(cls, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> "Reader":
+    def __init__(self, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> None:
         """Build it, for a control rate, Hz, and (1,) its ticks, live."""
+        self._robot, self.estimator = robot, Estimator(robot, sensors, hz, tick)  # of its state
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("gyroscope", "accelerometer"), (3,))
         shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
-        shapes["contact_load"] = (robot.num_feet,)
-        spared = ("joint_velocity", *(("contact_load",) if sensors.contact == "torque" else ()))
-        seconds = sensors.every("encoder", hz) / hz
-        estimator = Estimator(robot, sensors, hz, tick)
-        return cls(robot, estimator, shapes, spared, seconds, sensors.follow(hz))
+        self._shapes = shapes | {"contact_load": (robot.num_feet,)}  # of each reading's numbers
+        # Those that may be left out.
+        by_torque = ("contact_load",) if sensors.contact == "torque" else ()
+        self._spared = ("joint_velocity", *by_torque)
+        # From one reading of the encoders to the next, and the share of the way to the newest
+        # velocity that their low pass goes.
+        self._seconds, self._follow = sensors.every("encoder", hz) / hz, sensors.follow(hz)
 
     @staticmethod
     def reads(given: Any) -> bool:
@@ -67,11 +60,11 @@ class Reader:
             FbidError: a reading that is missing, of another shape or not finite; names it. Nothing
                 has been written.
         """
-        check_choices("sensor", given, (*self.shapes, _FRESH))
+        check_choices("sensor", given, (*self._shapes, _FRESH))
         found, own = {}, self.estimator.readings
-        for name, shape in self.shapes.items():
-            if name in given or name not in self.spared:
-                value = found[name] = read(given, name, shape, READINGS[name], self.robot.name)
+        for name, shape in self._shapes.items():
+            if name in given or name not in self._spared:
+                value = found[name] = read(given, name, shape, READINGS[name], self._robot.name)
                 if not isfinite(value.dot(value)):  # as where any of them is not
                     check_finite(name, value)
         fresh = _FRESH not in given or Flag().check(_FRESH, given[_FRESH]) or begins
@@ -79,10 +72,10 @@ class Reader:
         if rate is None:
             rate = np.zeros_like(angle) if begins else own.rate[0]
             if fresh and not begins:
-                rate = rate + self.follow * ((angle - own.angle[0]) / self.seconds - rate)
+                rate = rate + self._follow * ((angle - own.angle[0]) / self._seconds - rate)
         own.gyroscope[0], own.accelerometer[0] = found["gyroscope"], found["accelerometer"]
         own.angle[0], own.rate[0], own.fresh[0] = angle, rate, fresh
         if "contact_load" in found:
             own.load[0] = found["contact_load"]
         elif begins:
-            own.load[0] = self.robot.weight / self.robot.num_feet  # it stands
+            own.load[0] = self._robot.weight / self._robot.num_feet  # it stands

@@ -1,7 +1,6 @@
 """What a controller is told of its robot at a tick, by name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -34,20 +33,15 @@ _MOTION = {"velocity": slice(3), "angular_velocity": slice(3, 6), "joint_velocit
 _OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 
-@dataclass(frozen=True, eq=False)
 class Sensing:
     """What of one robot is sensed."""
 
-    robot: Robot  # the robot
-    shapes: dict[str, tuple[int, ...]]  # of each sensor's numbers, by name
-
-    @classmethod
-    def of(cls, robot: Robot) -> "Sensing":
+    def __init__(self, robot: Robot) -> None:
         """Measure a robot."""
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SENSORS, (3,))
         shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), TOUCH: (robot.num_points,)}
         shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
-        return cls(robot, shapes)
+        self._robot, self._shapes = robot, shapes  # these of each sensor's numbers, by name
 
     def state(self, sensors: Any, tick: int) -> RobotState:
         """Return the state (N = 1) that sensors tell.
@@ -64,8 +58,8 @@ class Sensing:
         if not isinstance(sensors, Mapping):
             expected = "a dictionary from names of sensors to numbers, or a RobotState"
             raise InvalidValueError("sensors", sensors, expected)
-        check_choices("sensor", sensors, self.shapes)
-        qpos, qvel = np.empty(self.robot.nq), np.empty(self.robot.nv)
+        check_choices("sensor", sensors, self._shapes)
+        qpos, qvel = np.empty(self._robot.nq), np.empty(self._robot.nv)
         for whole, parts in ((qpos, _POSE), (qvel, _MOTION)):
             for name, part in parts.items():
                 whole[part] = self._read(sensors, name)
@@ -81,18 +75,18 @@ class Sensing:
         return RobotState(qpos[None], qvel[None], force[None], np.array([tick], np.int64))
 
     def _checked(self, state: RobotState, tick: int) -> RobotState:
-        shapes = (1, self.robot.nq), (1, self.robot.nv), (1, *self.shapes[_FORCE])
+        shapes = (1, self._robot.nq), (1, self._robot.nv), (1, *self._shapes[_FORCE])
         found = {}
         for name, shape in zip(RobotState._fields, shapes, strict=False):
             part = contiguous(getattr(state, name))
             if part.shape != shape:
-                raise ShapeError(name, part.shape, f"{shape}, one {self.robot.name!r}")
+                raise ShapeError(name, part.shape, f"{shape}, one {self._robot.name!r}")
             check_finite(name, part)
             found[name] = part
         return RobotState(**found, tick=np.array([tick], np.int64))
 
     def _read(self, sensors: Mapping[str, Any], name: str) -> np.ndarray:
-        return read(sensors, name, self.shapes[name], SENSORS.get(name, ""), self.robot.name)
+        return read(sensors, name, self._shapes[name], SENSORS.get(name, ""), self._robot.name)
 
     def _forces(self, sensors: Mapping[str, Any]) -> np.ndarray:
         """(P, 3) N."""
@@ -100,7 +94,7 @@ class Sensing:
             return contiguous(self._read(sensors, _FORCE))
         touching = self._read(sensors, TOUCH)
         force = np.zeros((len(touching), 3))
-        force[:, 2] = self.robot.weight * touching / max(np.add.reduce(touching), 1.0)
+        force[:, 2] = self._robot.weight * touching / max(np.add.reduce(touching), 1.0)
         return force
 
 

@@ -24,7 +24,7 @@ HZ = 250
 def played(robot, gains, share, seconds, ticks, rng):
     """The largest coordinate or rate of a robot in the air, held by a share of gains, by ticks."""
     mobility = np.linalg.inv(Stance.of(robot).terms.mass_matrix[0])[6:, 6:]
-    late = LoopDelay.of(1, robot.num_joints, HZ, seconds)
+    late = LoopDelay(1, robot.num_joints, HZ, seconds)
     late.begin(np.zeros(1, int), np.array([seconds]))
     place, rate = rng.normal(size=(2, robot.num_joints))
     sizes, tick = [], 1.0 / HZ

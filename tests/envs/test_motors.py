@@ -105,7 +105,7 @@ def test_heat_is_bounded_and_lets_through_what_a_motor_bears_for_ever() -> None:
 
 
 def test_torques_act_their_delay_later_and_no_impulse_is_lost(rng: np.random.Generator) -> None:
-    loop, hertz = LoopDelay.of(3, 2, 250, 0.01), 250
+    loop, hertz = LoopDelay(3, 2, 250, 0.01), 250
     loop.begin(np.arange(3), np.array([0.0, 0.008, 0.005]))
     made = rng.normal(size=(40, 3, 2))
     acted = np.array([loop.arriving(made[t], np.full(3, t)) for t in range(40)])
@@ -117,7 +117,7 @@ def test_torques_act_their_delay_later_and_no_impulse_is_lost(rng: np.random.Gen
     assert loop.most_ticks == int(np.ceil(0.01 * hertz))
     # What drives make themselves acts in the tick in which it is made.
     own = rng.normal(size=made.shape)
-    again = LoopDelay.of(3, 2, 250, 0.01)
+    again = LoopDelay(3, 2, 250, 0.01)
     again.begin(np.arange(3), np.array([0.0, 0.008, 0.005]))
     driven = [again.arriving(made[t] + own[t], np.full(3, t), own[t]) for t in range(40)]
     np.testing.assert_allclose(driven, acted + own, atol=1e-12)

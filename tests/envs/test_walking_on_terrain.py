@@ -80,7 +80,7 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
 
 def test_success_leads_to_harder_ground_and_a_fall_to_easier(rng: np.random.Generator) -> None:
     config = EnvConfig(task="walk", robot="go1", terrain="mixed", curriculum=True)
-    progress = Climb.of(5, Tiles(3, 1.0), config)
+    progress = Climb(5, Tiles(3, 1.0), config)
     assert (progress.level == 1).all()
     well, badly = 0.1, 0.3
     error = np.array([well, badly, well, well, badly])
