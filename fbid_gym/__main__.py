@@ -72,7 +72,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(given: list[str]) -> None:
     if not given or given[0] in ("-h", "--help"):
-        print(_help())
+        lines = [f"usage: {PROGRAM} COMMAND [OPTIONS]", "", "Commands:"]
+        lines += [f"  {name:<14}{command.about}" for name, command in COMMANDS.items()]
+        lines += ["", f"{PROGRAM} COMMAND --help shows the options of a command."]
+        print("\n".join(lines))
         return
     name, *rest = given
     check_choices("command", [name], COMMANDS)
@@ -94,12 +97,6 @@ def _run(given: list[str]) -> None:
             f"{PROGRAM} {name} needs {missing}, which is not installed. It comes with the extra "
             f"{command.extra!r}: pip install 'fbid_gym[{command.extra}]'."
         ) from error
-
-
-def _help() -> str:
-    lines = [f"usage: {PROGRAM} COMMAND [OPTIONS]", "", "Commands:"]
-    lines += [f"  {name:<14}{command.about}" for name, command in COMMANDS.items()]
-    return "\n".join([*lines, "", f"{PROGRAM} COMMAND --help shows the options of a command."])
 
 
 if __name__ == "__main__":

@@ -55,37 +55,33 @@ def mirrored(batch: EnvBatch) -> Mirrored:
     Raises RobotError for a robot without mirror symmetry, InvalidValueError for an entry of which
     is not known what it is in the mirror.
     """
-    names = _Names.of(batch)
+    names = _Names(batch)
     return Mirrored(
         names.reflection("observation", batch.observation_names),
         names.reflection("action", batch.action_names),
     )
 
 
-class _Names(NamedTuple):
+class _Names:
     """What names become in the mirror."""
 
-    joints: Mapping[str, tuple[str, float]]
-    parts: Mapping[str, str]
-    clock: float  # sign of the gait's cycle: -1 half a cycle later
-
-    @classmethod
-    def of(cls, batch: EnvBatch) -> "_Names":
+    def __init__(self, batch: EnvBatch) -> None:
         robot, mirror = batch.robot, mirror_of(batch.robot)
         names, feet, entry = robot.joint_names, robot.foot_names, mirror.feet.entry
         pairs = zip(names, mirror.joints.entry, mirror.joints.sign, strict=True)
         parts = {foot: feet[k] for foot, k in zip(feet, entry, strict=True)}
         parts |= {f"foot {k}": f"foot {other}" for k, other in enumerate(entry)}
         parts |= {f"point {k}": f"point {other}" for k, other in enumerate(mirror.points.entry)}
-        joints = {name: (names[k], float(sign)) for name, k, sign in pairs}
-        return cls(joints, parts, _half_a_cycle(batch, entry))
+        self._parts = parts
+        self._joints = {name: (names[k], float(sign)) for name, k, sign in pairs}
+        self._clock = _half_a_cycle(batch, entry)  # sign of the gait's cycle: -1 half a cycle later
 
     def reflection(self, what: str, names: Sequence[str]) -> Reflection:
         """Return the reflection of the entries of these names."""
         place = {name: k for k, name in enumerate(names)}
         entry, sign = [], []
         for name in names:
-            other, its_sign = self.of_name(name) or ("", 1.0)
+            other, its_sign = self._of_name(name) or ("", 1.0)
             if other not in place:
                 expected = "entries whose mirror image is known; or no mirror"
                 raise InvalidValueError(f"entry of the {what} to mirror", name, expected)
@@ -93,7 +89,7 @@ class _Names(NamedTuple):
             sign.append(its_sign)
         return Reflection(np.array(entry), np.array(sign))
 
-    def of_name(self, whole: str) -> tuple[str, float] | None:
+    def _of_name(self, whole: str) -> tuple[str, float] | None:
         """Return name and sign of an entry's counterpart; None where they are not known."""
         around = re.fullmatch(_AROUND, whole)
         assert around is not None
@@ -107,7 +103,7 @@ class _Names(NamedTuple):
                 continue
             sign = self._sign(match.groupdict())
             if pattern in (*_PART, *_JOINT):
-                part, sign_of_part = self.joints.get(match[1], (self.parts.get(match[1]), 1.0))
+                part, sign_of_part = self._joints.get(match[1], (self._parts.get(match[1]), 1.0))
                 if part is None:
                     continue
                 sign *= sign_of_part
@@ -117,7 +113,7 @@ class _Names(NamedTuple):
 
     def _sign(self, of: Mapping[str, str]) -> float:
         if "clock" in of:
-            return self.clock
+            return self._clock
         across = {"to the left", "y"}
         along, about = of.get("along"), of.get("about")
         return -1.0 if along in across or (about or "y") not in across or "odd" in of else 1.0

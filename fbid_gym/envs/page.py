@@ -217,9 +217,15 @@ def _rounded(value: Any) -> Any:
 
 def meanings(build: Callable[..., Any]) -> dict[str, str]:
     """Return what options mean: of a constructor's docstring, or of a dataclass's fields."""
-    if is_dataclass(build):
-        return dict(_of_fields(build))
     found: dict[str, str] = {}
+    if is_dataclass(build):
+        body = ast.parse(textwrap.dedent(getsource(build))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, said in zip(body.body[:-1], body.body[1:], strict=True):
+            if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr):
+                assert isinstance(field.target, ast.Name) and isinstance(said.value, ast.Constant)
+                found[field.target.id] = " ".join(str(said.value.value).split())
+        return found
     _, _, args = (getdoc(build) or "").partition("Args:\n")
     for line in args.split("\n\n")[0].splitlines():
         if started := re.match(r"    (\w+): (.*)", line):
@@ -228,15 +234,6 @@ def meanings(build: Callable[..., Any]) -> dict[str, str]:
         elif found:
             found[name] += f" {line.strip()}"
     return found
-
-
-def _of_fields(kind: type) -> Iterable[tuple[str, str]]:
-    body = ast.parse(textwrap.dedent(getsource(kind))).body[0]
-    assert isinstance(body, ast.ClassDef)
-    for field, said in zip(body.body[:-1], body.body[1:], strict=True):
-        if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr):
-            assert isinstance(field.target, ast.Name) and isinstance(said.value, ast.Constant)
-            yield field.target.id, " ".join(str(said.value.value).split())
 
 
 def code(value: Any) -> str:

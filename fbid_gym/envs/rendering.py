@@ -12,7 +12,7 @@ from fbid_gym.checks import check_choices
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.options import options_of
 from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offscreen
@@ -156,8 +156,7 @@ def _camera(drawing: Drawing, model: mujoco.MjModel) -> int:
     """The camera of the robot's that is asked for; -1 for the one that follows."""
     names = [model.camera(k).name for k in range(model.ncam)]
     if drawing.camera_name is not None:
-        if drawing.camera_name not in names:
-            raise UnknownOptionError("camera_name", drawing.camera_name, names or ("none",))
+        check_choices("camera_name", [drawing.camera_name], names)
         return names.index(drawing.camera_name)
     if drawing.camera_id is not None and drawing.camera_id >= model.ncam:
         expected = f"one of the robot's cameras, of which there are {model.ncam}"

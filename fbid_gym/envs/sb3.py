@@ -9,12 +9,12 @@ import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from fbid_gym.checks import by_name
+from fbid_gym.checks import by_name, check_choices
 from fbid_gym.envs.chunks import checked_array
 from fbid_gym.envs.interface import checked_seed
 from fbid_gym.envs.registered import registered
 from fbid_gym.envs.vector_env import RobotVectorEnv
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError
 
 
 class SB3VecEnv(VecEnv):
@@ -131,9 +131,8 @@ class SB3VecEnv(VecEnv):
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
         """Call `set_command` or `render` of all environments; rows of a batch have no others."""
-        choices = ("set_command", "render")
-        if method_name not in choices:
-            raise UnknownOptionError("method of a single environment", method_name, choices)
+        known = ("set_command", "render")
+        check_choices("method of a single environment", [method_name], known)
         self._check_all(indices)
         return list(self.envs.call(method_name, *args, **kwargs))
 

@@ -1,7 +1,7 @@
 """What a robot does, in a few sentences: in which layers it stands and walks, and by a policy."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -57,8 +57,8 @@ def by_policy(robot: Robot, policy: Policy) -> str:
     given = {**registered(policy.env_id).kwargs, **policy.env_args}
     arguments = {name: value for name, value in given.items() if name not in AROUND}
     told = [
-        f"{name} {trial.up:.0%}, with {trial.earned:.0%} of the reward that there is"
-        for name, trial in (
+        f"{name} {up:.0%}, with {earned:.0%} of the reward that there is"
+        for name, (up, earned) in (
             ("the policy", _tried(robot, arguments, policy)),
             (f"the zero action of {arguments['action_layer']}", _tried(robot, arguments)),
         )
@@ -66,22 +66,18 @@ def by_policy(robot: Robot, policy: Policy) -> str:
     return f"Up to the end in {policy.env_id.rpartition('/')[2]}: {'; '.join(told)}."
 
 
-class _Trial(NamedTuple):
-    """Shares of robots that are up at the end, and of the greatest reward."""
-
-    up: float
-    earned: float
-
-
 def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
     """Return the share of robots that are up at the end, by the zero action.
 
     The arguments are of the environment, beside robot, time and pushes.
     """
-    return _tried(robot, arguments).up
+    return _tried(robot, arguments)[0]
 
 
-def _tried(robot: Robot, arguments: Mapping[str, Any], policy: Policy | None = None) -> _Trial:
+def _tried(
+    robot: Robot, arguments: Mapping[str, Any], policy: Policy | None = None
+) -> tuple[float, float]:
+    """Shares of robots that are up at the end, and of the greatest reward."""
     own = {"robot": robot, "episode_seconds": _SECONDS, "push_force": (0.0, 0.0)}
     batch = EnvBatch(EnvConfig.of({**arguments, **own}), _ROBOTS)
     for number in range(_ROBOTS):
@@ -98,7 +94,7 @@ def _tried(robot: Robot, arguments: Mapping[str, Any], policy: Policy | None = N
         earned += float(step.reward[up].sum())
         if not up.any():
             break
-    return _Trial(float(up.mean()), earned / batch.num_steps / _ROBOTS)
+    return float(up.mean()), earned / batch.num_steps / _ROBOTS
 
 
 def _faster(robot: Robot, arguments: Mapping[str, Any]) -> list[str]:
