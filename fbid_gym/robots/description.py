@@ -14,8 +14,6 @@ from fbid_gym.robots.bounds import MOST_TEXT
 from fbid_gym.robots.source import Source, is_file
 
 FILE = "robot.toml"
-# What may stand in it: the file, `robot.xml` by default, and arguments of `Robot.from_mjcf`.
-KEYS = ("mjcf", *ARGUMENTS)
 
 
 def described(source: Any) -> tuple[Any, dict[str, Any]]:
@@ -67,7 +65,8 @@ def _read(path: Path) -> tuple[Path, dict[str, Any]]:
         options = tomllib.loads(text.decode())
     except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or too deep
         raise RobotError(f"Robot file {str(path)!r} is not valid TOML: {error}") from error
-    check_choices(f"key in {path.name}", options, KEYS)
+    # Beside arguments of `Robot.from_mjcf` the file, `robot.xml` by default.
+    check_choices(f"key in {path.name}", options, ("mjcf", *ARGUMENTS))
     mjcf = options.pop("mjcf", "robot.xml")
     if not isinstance(mjcf, str) or "\0" in mjcf:
         raise InvalidValueError(f"mjcf in {path.name}", mjcf, "the path of a file")

@@ -193,11 +193,10 @@ def _equipped(robot: Robot, packed: str) -> Robot:
         j = int(np.argmin(full < free))
         expected = f"less than the no_load_speed, {free[j]:g} rad/s, at joint {joints[j]!r}"
         raise InvalidValueError("motors full_speed", float(full[j]), expected)
-    continuous = each("continuous_torque", np.inf)
     drives = Drives(
         line=TorqueLine(torque.copy(), full, 1.0 / (free - full)),
         lag=each("lag", 0.0),
-        continuous=continuous,
+        continuous=each("continuous_torque", np.inf),
         thermal_time=table.thermal_time,
         battery=np.inf if table.battery_power is None else table.battery_power,
         viscous=each("viscous_friction", robot.joint_damping),

@@ -30,7 +30,6 @@ def mend_meshes(
         inside = Path(mesh.file).name if spec.strippath else mesh.file
         own = Path(folder or Path.cwd(), spec.meshdir, inside)
         path = own if own.is_file() else _find(mesh.file, spec.meshdir, folder)
-        shape = None
         if path is not None and is_readable(path):
             mesh.file = str(path) if is_urdf or path != own else mesh.file
             continue
