@@ -133,22 +133,6 @@ def test_ott2011_is_minus_jcheck_transposed(moving):
     assert_close(np.matvec(jacobian[:, :, :6].mT, moving.row_force), moving.wrench)
 
 
-def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
-    """On the base's angular velocity after Ott, on the average one, Lambda_l l, after [G15]."""
-    jacobian = moving.contacts.jacobian
-    velocity = 1.0 + np.arange(jacobian.shape[2]) % 3
-    # the part that the contacts allow
-    velocity = velocity - np.matvec(np.linalg.pinv(jacobian), np.matvec(jacobian, velocity))
-    momentum = np.matvec(moving.body.matrix, velocity)
-    linear = momentum[:, :3] / moving.robot.mass
-    average = np.matvec(moving.body.inverse_inertia, momentum[:, 3:])
-    of_base = np.matvec(moving.terms.world_from_base, velocity[:, 3:6])
-    for torque_map, angular in ((torque_map_ott2011, of_base), (torque_map_garofalo2015, average)):
-        torque = torque_map(*moving.model).torque(moving.row_force, moving.wrench)
-        power = np.vecdot(moving.wrench, np.concatenate([linear, angular], axis=1))
-        assert_close(np.vecdot(torque, velocity[:, 6:]), power)
-
-
 @pytest.mark.parametrize("name", robots.ROBOTS)
 @pytest.mark.parametrize("torque_map", MAPS)
 def test_all_maps_carry_the_weight_at_rest(name, torque_map, rng):

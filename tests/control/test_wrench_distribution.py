@@ -163,26 +163,7 @@ def test_result_is_consistent(hard):
     missing = np.linalg.norm((result.wrench - hard.wrench) * scale, axis=1) / hard.robot.weight
     np.testing.assert_allclose(result.residual, missing, atol=1e-9)
     assert (result.residual > 1e-3).any()
-
-
-def test_centre_of_pressure_and_yaw_stay_within_the_foot(hard):
-    result, robot = hard.solve(), hard.robot
-    start = 0
-    for foot in robot.feet:
-        points = slice(start, start + len(foot.points))
-        start = points.stop
-        force, place = result.point_force[:, points], hard.points[:, points]
-        total = force[..., 2].sum(axis=1)
-        carried = total > 1e-6 * robot.weight
-        centre = (force[..., 2:] * place).sum(axis=1)[carried] / total[carried, None]
-        # inside the hull of the points: no direction in which it lies beyond all of them
-        for angle in np.linspace(0.0, 2.0 * np.pi, 24):
-            direction = np.array([np.cos(angle), np.sin(angle), 0.0])
-            assert (centre @ direction <= (place[carried] @ direction).max(axis=1) + 1e-9).all()
-        arm = place[carried] - centre[:, None]
-        yaw = np.cross(arm, force[carried])[..., 2].sum(axis=1)
-        reach = FRICTION * (force[carried, :, 2] * np.linalg.norm(arm[..., :2], axis=2)).sum(axis=1)
-        assert (np.abs(yaw) <= reach + 1e-9 * robot.weight).all()
+    assert_within_friction(result.point_force)
 
 
 def test_what_costs_more_goes_first(hard):
