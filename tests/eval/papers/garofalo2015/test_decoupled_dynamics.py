@@ -158,6 +158,7 @@ def test_matrix_and_its_rate_are_pinocchios(case):
         expected[:, :3] += data.Ag[:, :3] @ turn
         assert_close(case.rate[row, :6], expected)
         assert_close(case.body.matrix[row], frames.jacobian_from_pinocchio(data.Ag, rotation[row]))
+        assert_close(case.body.momentum[row], data.hg.vector)
 
     def matrix(terms):
         return centroidal_terms(terms, case.velocity).matrix
