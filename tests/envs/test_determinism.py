@@ -8,7 +8,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
 from tests.batches import begun
-from tests.envs.cases import BIPED, CASES
+from tests.envs.cases import CASES
 from tests.pairs import pairs
 from tests.postures import turned
 
@@ -86,13 +86,3 @@ def test_heading_does_not_matter(name, layer):
         other = (ours[4]["push"] != theirs[4]["push"]).any(axis=1)
         np.testing.assert_array_equal(other, ours[4]["push"].any(axis=1))
     assert pushed.any()
-
-
-def test_resets_without_a_seed_go_on(rng):
-    """A second episode is another one, and the same another one for the same seed."""
-    env, again = (gym.make(BIPED, action_layer="torque") for _ in range(2))
-    first, second = env.reset(seed=1)[0], env.reset()[0]
-    assert (first != second).any()
-    again.reset(seed=1)
-    np.testing.assert_array_equal(again.reset()[0], second)
-    assert (env.reset()[0] != gym.make(BIPED, action_layer="torque").reset()[0]).any()

@@ -155,11 +155,6 @@ def test_a_robot_of_four_times_the_size_takes_steps_of_four_times_the_length():
     np.testing.assert_allclose(large, np.array(small) * units, rtol=2e-4)
 
 
-def test_a_robot_on_two_feet_is_refused():
-    with pytest.raises(FbidError, match="'biped' cannot crawl: it has 16 joints and the feet left"):
-        crawl(load("biped"))
-
-
 def test_the_base_keeps_its_heading_while_the_feets_changes(walk):
     """The support frame turns with the feet's layout; the base does not turn in the world."""
     table = walk.tables[-1]

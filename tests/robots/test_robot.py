@@ -338,13 +338,6 @@ def test_sites_on_a_box_foot(names: list[str]) -> None:
             assert force[2] == pytest.approx(wrench[0])
 
 
-def test_base_floats_a_fixed_file() -> None:
-    fixed = BOX_FOOT.replace("<freejoint/>", "")
-    robot = Robot.from_mjcf(fixed, {"foot": "middle"}, base="trunk")
-    assert (robot.nv, robot.base_body) == (7, 1)
-    assert robot.foot_names == ("foot",)
-
-
 def test_home_as_mapping_vector_and_keyframe() -> None:
     key = '<keyframe><key name="{}" qpos="0 0 9 2 0 0 0 0.05"/></keyframe></mujoco>'
     text, feet = BOX_FOOT.replace("</mujoco>", key.format("low")), {"foot": ["middle"]}

@@ -7,7 +7,6 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
-from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.point_feet import walk
 from fbid_gym.motions.gait.quadruped import PointFootGait, PointGaitMemory, quadruped_gait
@@ -320,8 +319,3 @@ def test_a_robot_of_another_size_walks_alike_in_its_own_time():
     assert large.unload == pytest.approx(small.unload * time, rel=1e-6)
     assert large.touch == pytest.approx(small.touch * scale**3, rel=1e-6)
     assert large.agility == pytest.approx(small.agility / [1.0, 1.0, scale], rel=1e-6)
-
-
-def test_robots_that_cannot_walk_on_points_are_refused():
-    with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
-        quadruped_gait(load("humanoid"))
