@@ -81,20 +81,20 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 549, "fbid_gym/control/whole_body.py": 661}  # to be split
 LINES = {
-    ".": 2311,
+    ".": 2308,
     "actions": 3017,
     "control": 4636,
     "dynamics": 1609,
-    "envs": 3381,
+    "envs": 3324,
     "estimation": 1965,
-    "motions": 3696,
+    "motions": 3680,
     "policy": 616,
-    "robots": 5464,
-    "runtime": 1823,
-    "tasks": 2202,
+    "robots": 5461,
+    "runtime": 1792,
+    "tasks": 2193,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_214, "train": 5_274, "eval": 16_922, "eval/papers": 5_230}
+TREES = {"tests": 29_000, "train": 5_274, "eval": 16_868, "eval/papers": 5_230}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
 READING = {"fbid_gym.actions.base_acceleration": (35, 6849)}
