@@ -305,7 +305,7 @@ def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], st
     }
     p_values = holm([signed_rank(more) for more in pairs.values()])
     return {
-        which: f"{(more > 0.0).sum()} of {len(robots)}, p = {number(p, 2)}"
+        which: f"{(more > 0.0).sum()} of {len(robots)}, p = {p:.2g}"
         for (which, more), p in zip(pairs.items(), p_values, strict=True)
     }
 

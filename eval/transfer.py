@@ -18,7 +18,6 @@ from rich.table import Table
 
 from eval.rollout import Player, lawful, load_player, play_player
 from eval.statistics import signed_rank
-from eval.wording import number
 from fbid_gym.bundles import SUFFIX
 from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.options import Choice, Whole
@@ -181,7 +180,7 @@ def findings(rows: list[dict[str, Any]]) -> list[str]:
                 more = np.array([earned[one][robot] - earned[other][robot] for robot in both])
                 found.append(
                     f"{one} earns more than {other} on {(more > 0.0).sum()} of {len(both)} robots "
-                    f"(p = {number(signed_rank(more), 2)})."
+                    f"(p = {signed_rank(more):.2g})."
                 )
     return found
 
