@@ -53,8 +53,9 @@ class ScalingConfig:
     workers: Annotated[int, Whole(1, 1024)] | None = None
     """Policies played at the same time, one core each. Default: as many as there are cores."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write the figure and the rows to docs/NAME_unseen.svg and .csv, after the study's name, and
-    the table between its marks into the study's page of docs/."""
+    """Write the rows to docs/NAME_unseen.csv, after the study's name, a figure to .svg if arms have
+    learnt with different numbers of robots, and the table between its marks into the study's page
+    of docs/."""
 
 
 class Played(NamedTuple):
@@ -97,15 +98,16 @@ def main(config: ScalingConfig) -> int:
     if config.write_docs:
         name = f"{study.name}_unseen"
         write(DOCS / f"{name}.csv", to_csv(("arm", "layer", "seed", *COLUMNS), rows))
-        write(DOCS / f"{name}.svg", drawn(found))
-        shown = f"![Robots learnt with against return and falls on unseen ones]({name}.svg)"
-        splice(page, f"{shown}\n\n{_LEGEND}\n\n{said}\n\n[All rows]({name}.csv).", part)
+        if len({one.bodies for one in found if one.bodies}) > 1:
+            write(DOCS / f"{name}.svg", drawn(found))
+            said = f"{_FIGURE.format(name)}\n\n{said}"
+        splice(page, f"{said}\n\n[All rows]({name}.csv).", part)
     return 1 if failed else 0
 
 
-_LEGEND = (
-    "Bands: least to greatest seed. Dashed: the zero action of the layer; lines without dots: its "
-    "proportional law."
+_FIGURE = (
+    "![Robots learnt with against return and falls on unseen ones]({}.svg)\n\nBands: least to "
+    "greatest seed. Dashed: the zero action of the layer; lines without dots: its proportional law."
 )
 
 
