@@ -15,7 +15,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from eval.tools.site.environments import Scene
-from eval.tools.site.pages import pages
+from eval.tools.site.pages import EXAMPLES, pages
 from eval.tools.site.pictures import FOLDER
 from fbid_gym.envs import ENVIRONMENTS
 
@@ -29,9 +29,11 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made of the code, and what has been drawn; it does without, too."""
+    """Add pages made of the code, examples, and what has been drawn; it does without, too."""
     for name, text in pages().items():
         files.append(File.generated(config, name, content=text))
+    for path in sorted(EXAMPLES.rglob("*.py")):
+        files.append(File.generated(config, str(path), abs_src_path=str(path.resolve())))
     current = {Scene.of(env_id).file for env_id in ENVIRONMENTS}
     for path in sorted(FOLDER.rglob("*.*")):
         if path.suffix == ".svg" or path.name in current:  # not clips of policies that are gone

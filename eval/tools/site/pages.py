@@ -11,7 +11,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions
 from fbid_gym.envs.page import meanings, option_table
 
-DOCS = Path("docs")
+DOCS, EXAMPLES = Path("docs"), Path("examples")
 OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 """Files of the repository that are pages, too: as pages under docs/ link to them -> their names."""
 
@@ -93,14 +93,16 @@ def pages() -> dict[str, str]:
     clips = {path.name for path in FOLDER.rglob("*.mp4")}
     found = {f"environments/{name}": text for name, text in environments.pages(clips).items()}
     found |= {f"api/{package}.md": reference(package) for package in REFERENCE}
-    found |= {name: (DOCS / link).read_text("utf-8") for link, name in OUTSIDE.items()}
+    for link, name in OUTSIDE.items():
+        found[name] = (DOCS / link).read_text("utf-8").replace("](docs/", "](")
     for path in sorted(DOCS.rglob("*.md")):
         name, text = path.relative_to(DOCS).as_posix(), path.read_text("utf-8")
         if name == "examples.md":
-            text = examples(text, Path("examples"))
+            text = examples(text, EXAMPLES)
         if path.parent.name == "layers" and path.stem in LAYERS:
             text = layer(text, path.stem, (FOLDER / "layers" / f"{path.stem}.svg").exists())
         for link, here in OUTSIDE.items():
             text = text.replace(f"]({link})", f"]({here})")
+        text = text.replace("](../examples/", "](examples/")  # files of the site, too
         found[name] = text
     return found
