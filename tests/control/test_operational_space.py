@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.control import TaskMotion, operational_space_acceleration, task_acceleration
+from fbid_gym.control import (
+    TaskMotion,
+    operational_space_acceleration,
+    orthogonal_inverse_dynamics,
+    task_acceleration,
+)
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 
@@ -156,6 +161,26 @@ def test_straight_knees_ask_for_no_unbounded_motion():
     sway = operational_space_acceleration(contacts.jacobian, still, xy, None, np.ones((200, 2)))
     np.testing.assert_allclose(sway.task_error, 0.0, atol=1e-8)
     assert np.linalg.norm(sway.motion, axis=1).max() < 20.0
+
+
+@pytest.mark.parametrize("name", robots.ROBOTS)
+def test_eq_15_realises_the_superposition(name):
+    """Joint-space motion and base task through eq. (15): the command arrives unchanged."""
+    robot = robots.load(name)
+    rng = np.random.default_rng(5)
+    qpos = np.tile(robot.home_qpos, (6, 1))
+    qpos[:, 7:] += rng.normal(0.0, 0.1, qpos[:, 7:].shape)
+    terms = MuJoCoDynamics(robot).terms(qpos, rng.normal(size=(6, robot.nv)))
+    contacts = reduced_contacts(contact_geometry(robot), terms)
+    task, reference = rng.normal(size=(6, 2)), rng.normal(size=(6, robot.nv))
+    command = operational_space_acceleration(
+        contacts.jacobian, contacts.bias, np.eye(robot.nv)[:2], None, task, reference
+    )
+    solution = orthogonal_inverse_dynamics(
+        terms.mass_matrix, terms.bias, contacts.jacobian, command.motion, contacts.bias
+    )
+    np.testing.assert_allclose(solution.acceleration, command.motion, atol=1e-7)
+    np.testing.assert_allclose(solution.acceleration[:, :2], task, atol=1e-7)
 
 
 def test_eq_20_pulls_towards_the_target():

@@ -31,6 +31,35 @@ def torque_of(rng):
     return lambda system: rng.normal(0.0, 30.0, (len(system.bias), system.bias.shape[1] - 6))
 
 
+def test_equations_5_to_8_hold_as_printed(make_system, torque_of):
+    """Signs included, at a moving robot under any torque; independent rows as in the paper."""
+    system = make_system("four point feet")
+    torque = torque_of(system)
+    acceleration, force = system.forward(torque)
+    nv = system.bias.shape[1]
+    select = np.eye(nv)[6:]
+    for i, jacobian in enumerate(system.jacobian):
+        mass, load = system.mass_matrix[i], system.bias[i]
+        inverse, drift = np.linalg.inv(mass), system.jacobian_bias[i]
+        mobility = jacobian @ inverse @ jacobian.T
+        # (5), solved for the acceleration of the contacts, which is none.
+        unactuated = jacobian @ inverse @ (load - select.T @ torque[i])
+        np.testing.assert_allclose(drift - unactuated + mobility @ force[i], 0.0, atol=1e-8)
+        # (6)
+        expected = np.linalg.solve(mobility, unactuated - drift)
+        np.testing.assert_allclose(force[i], expected, atol=1e-7)
+        # (7)
+        bar = np.linalg.solve(mobility, jacobian @ inverse)  # Jbar^T
+        dual = dual_selection(mass)
+        inertia = np.linalg.inv(select @ inverse @ select.T)
+        kept = np.eye(nv) - jacobian.T @ bar
+        left = inertia @ acceleration[i, 6:] + dual @ kept @ load + dual @ mass @ (bar.T @ drift)
+        np.testing.assert_allclose(left, dual @ kept @ select.T @ torque[i], atol=1e-7)
+        # (8)
+        left = inertia @ acceleration[i, 6:] + dual @ (load - jacobian.T @ force[i])
+        np.testing.assert_allclose(left, torque[i], atol=1e-7)
+
+
 def test_force_of_a_torque_is_that_of_forward_dynamics(make_system, torque_of, contacts):
     system = make_system(contacts)
     torque = torque_of(system)

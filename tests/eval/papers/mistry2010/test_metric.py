@@ -169,6 +169,16 @@ def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(make_system, rn
         np.testing.assert_allclose(free @ change, 0.0, atol=1e-6)
 
 
+def test_a_diagonal_metric_is_a_torque_cost(make_system, rng, contacts):
+    """[M10] eq. (16) with W = S B^-1 S^T, once the command is achievable."""
+    system = make_system(contacts).achievable()
+    metric = np.exp(rng.normal(size=system.bias.shape[1]))
+    found = metric_inverse_dynamics(Equation(*system.law), np.diag(metric))
+    weighted = orthogonal_inverse_dynamics(*system.law, torque_cost=1.0 / metric[6:])
+    np.testing.assert_allclose(found.torque, weighted.torque, atol=1e-6)
+    np.testing.assert_allclose(found.acceleration, weighted.acceleration, atol=1e-7)
+
+
 def test_the_inertia_metric_is_where_previous_torques_lead(make_system):
     """Eq. (8) fed by eq. (6), from no torque: it ends at the least torque in S M^-1 S^T."""
     system = make_system("two flat feet", count=1).achievable()
