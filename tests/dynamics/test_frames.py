@@ -58,6 +58,17 @@ def test_rotation_vectors_and_quaternions_are_found_again_at_every_angle(rng):
     np.testing.assert_allclose(np.abs(np.vecdot(vector, axis)), np.pi)
 
 
+def test_orientation_error_turns_the_first_into_the_second(rng):
+    """A body that turns at the error, in world axes, arrives after one second."""
+    first, second = unit(rng, 20, 4), unit(rng, 20, 4)
+    matrices = frames.quaternion_to_matrix(first), frames.quaternion_to_matrix(second)
+    error = frames.rotation_vector(matrices[1] @ matrices[0].mT)
+    for quaternion, vector, rotation, target in zip(first, error, *matrices, strict=True):
+        body_rate = rotation.T @ vector
+        mujoco.mju_quatIntegrate(quaternion, body_rate, 1.0)
+        np.testing.assert_allclose(frames.quaternion_to_matrix(quaternion), target, atol=1e-14)
+
+
 # --- coordinates of the floating base ----------------------------------------------------------
 
 
