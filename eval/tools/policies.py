@@ -15,7 +15,7 @@ from train.command import run_command
 
 _HEAD = (
     "Policy", "Learnt by", "Steps", "Time (min)", "Velocity error (m/s)", "Survival", "Return",
-    "Cost of transport",
+    "Cost of transport", "Measured at",
 )  # fmt: skip
 
 
@@ -28,7 +28,7 @@ class PoliciesConfig:
 
 
 def cards(policies: Sequence[Shipped]) -> str:
-    """Return the cards as Markdown: a table of what they do, and how each was trained."""
+    """Return the cards as Markdown: a table of what policies do, and what else they say."""
     if not policies:
         return "None yet."
     shown, rows = ("velocity_error", "survived", "returned", "cost_of_transport"), []
@@ -36,8 +36,11 @@ def cards(policies: Sequence[Shipped]) -> str:
         policy, card = each.policy, each.card
         learnt = [policy.algorithm.upper(), steps_text(policy.trained_steps)]
         cells = [f"`{each.name}`", *learnt, f"{card.wall_seconds / 60:.0f}"]
-        rows.append([*cells, *(_written(card.metrics.get(name)) for name in shown)])
-    return "\n".join([markdown_table(_HEAD, rows), *(f"\n{_training(each)}" for each in policies)])
+        cells += (_written(card.metrics.get(name)) for name in shown)
+        rows.append([*cells, str(card.measured_with.get("commit") or "unknown")[:8]])
+    told = {each.name: " ".join([*each.card.transfer(), each.card.note]) for each in policies}
+    notes = (f"\n`{name}`: {text.strip()}" for name, text in told.items() if text)
+    return "\n".join([markdown_table(_HEAD, rows), *notes])
 
 
 def _written(value: Measured | None) -> str:
@@ -45,23 +48,6 @@ def _written(value: Measured | None) -> str:
         return "–"
     form = percent if value.unit == "share" else number
     return f"{form(value.mean)} ({form(value.low)} to {form(value.high)})"
-
-
-def _training(each: Shipped) -> str:
-    card, learnt = each.card, steps_text(each.policy.trained_steps)
-    told = (
-        f"`{each.name}`: best of {card.evaluations} evaluations of `{card.command}`, at "
-        f"{learnt} of {steps_text(card.total_steps)} steps; trained at commit "
-        f"`{_commit(card.trained_with)}`, measured on {card.episodes} episodes from seed "
-        f"{card.first_seed} at `{_commit(card.measured_with)}`."
-    )
-    told = " ".join([told, *card.transfer()])
-    return f"{told} **{card.note}**" if card.note else told
-
-
-def _commit(versions: object) -> str:
-    commit = versions.get("commit") if isinstance(versions, dict) else None
-    return str(commit or "unknown")[:12]
 
 
 def main(config: PoliciesConfig) -> None:
