@@ -28,7 +28,7 @@ class PoliciesConfig:
 
 
 def cards(policies: Sequence[Shipped]) -> str:
-    """Return the cards as Markdown: a table of what policies do, and what else they say."""
+    """Return a table of what policies do, and below it the notes of their cards: Markdown."""
     if not policies:
         return "None yet."
     shown, rows = ("velocity_error", "survived", "returned", "cost_of_transport"), []
