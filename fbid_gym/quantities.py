@@ -323,6 +323,7 @@ class BodyGains(NamedTuple):
         give: how soft standing feet hold the base in directions in which their leg has no joints.
             Two such feet hold it twice, and what they disagree about is rounding and contacts that
             are soft. On a gait balance goes before.
+        of_base: whether `balance_damping` and `small_errors` act on the velocity of the base.
     """
 
     balance: float
@@ -339,6 +340,7 @@ class BodyGains(NamedTuple):
     small_errors: float
     small_error: float
     give: float
+    of_base: bool = False
 
 
 class WrenchGains(NamedTuple):

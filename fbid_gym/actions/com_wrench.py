@@ -229,9 +229,9 @@ def _papers_frequencies(
         expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
         raise InvalidValueError("balancer", balancer, expected)
     expected = f'or the balancer "{_INVERSE_DYNAMICS}"'
-    for name in ("velocity_gain", "loop_delay"):
-        if getattr(body, name):
-            raise InvalidValueError(name, getattr(body, name), f"0, {expected}")
+    for name, must in (("velocity_gain", 0.0), ("loop_delay", 0.0), ("velocity_of", "com")):
+        if getattr(body, name) != must:
+            raise InvalidValueError(name, getattr(body, name), f"{must!r}, {expected}")
     given = body.frequencies.items()
     hertz = {k: in_hertz(robot, Falling(_PAPERS[k]) if x is None else x) for k, x in given}
     for part, value in hertz.items():

@@ -44,7 +44,7 @@ def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
         table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
     scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
     gains = BodyGains(*map(float, scaled))
-    return gains._replace(small_error=gains.small_error * robot.gravity)
+    return gains._replace(small_error=gains.small_error * robot.gravity, of_base=False)
 
 
 def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
@@ -84,6 +84,10 @@ class BodyOptions:
     """By how much more small errors of the horizontal velocity are damped, in units of the rate at
     which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
     0.03 of sqrt(gravity times height) count as that much. Not for the papers' balancers."""
+    velocity_of: Annotated[str, Choice(("com", "base"))] = "com"
+    """Whose horizontal velocity is damped: the centre of mass's, or the base's, which commands and
+    rewards of walking are about. Legs that swing move one against the other. "com" for the papers'
+    balancers."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
@@ -107,7 +111,9 @@ class BodyOptions:
 
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
         """Return the gains that they ask for."""
-        gains = default_gains(robot, kind)._replace(small_errors=self.velocity_gain * kind.omega)
+        gains = default_gains(robot, kind)._replace(
+            small_errors=self.velocity_gain * kind.omega, of_base=self.velocity_of == "base"
+        )
         ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
         for part, given in self.frequencies.items():
             stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")

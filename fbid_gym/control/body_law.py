@@ -523,8 +523,9 @@ def _stabilise(
             reference[i, k] = target.qacc[i, k] + gains.posture * error
             reference[i, k] += gains.posture_damping * rate
         cosine, sine = heading_axes(law, target, i)
-        x = target.com_velocity[i, 0] - terms.com_velocity[i, 0]
-        y = target.com_velocity[i, 1] - terms.com_velocity[i, 1]
+        velocity = state.qvel if gains.of_base else terms.com_velocity
+        x = target.com_velocity[i, 0] - velocity[i, 0]
+        y = target.com_velocity[i, 1] - velocity[i, 1]
         share = min(1.0, gains.small_error / (math.hypot(x, y) + 1e-12))
         damping = gains.balance_damping + share * gains.small_errors
         for k in range(2):

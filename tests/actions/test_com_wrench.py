@@ -199,7 +199,9 @@ def test_pushed_robots_stay_up(robot, balancer):
 
 def test_bad_options_are_refused():
     robot = load("biped")
-    with pytest.raises(InvalidValueError, match="Invalid velocity_gain: 1.0. Expected 0, or the"):
+    with pytest.raises(InvalidValueError, match="Invalid velocity_gain: 1.0. Expected 0.0, or the"):
         balancing(robot, velocity_gain=1.0)
+    with pytest.raises(InvalidValueError, match="Invalid velocity_of: 'base'. Expected 'com', or"):
+        balancing(robot, velocity_of="base")
     with pytest.raises(InvalidValueError, match='"inverse_dynamics" on a gait: the papers balance'):
         make_layer("com_wrench", robot, 250, MotionKind(True, 4.0), {"balancer": "ott2011"})

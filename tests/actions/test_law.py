@@ -194,6 +194,20 @@ def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_n
         np.testing.assert_allclose(asked[0] - asked[1], expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])
+def test_the_velocity_that_is_damped_is_that_of_the_base_or_of_the_centre_of_mass(robot, name, rng):
+    zero, kind = np.zeros((1, 6)), kind_of(robot)
+    state, terms = crouched(robot, rng, 0.3)
+    target, asked = target_of(robot, terms, rng), []
+    for whose in ("base", "com"):
+        options = {"balance_frequency": (2.0, 3.0), "velocity_of": whose}
+        layer, _ = make_layer(name, robot, HZ, kind, options)
+        asked.append(layer.desired(zero, state, target, terms)[0])
+    apart = terms.com_velocity[0, :2] - state.qvel[0, :2]
+    assert np.abs(apart).max() > 1e-3
+    np.testing.assert_allclose(asked[0] - asked[1], np.append(3.0 * apart, 0.0), atol=1e-9)
+
+
 def test_an_offset_of_the_velocity_would_be_the_same_action_in_other_units(robot, rng):
     """By the damping; on soles, where the velocity is not damped, it would do nothing."""
     state, terms = crouched(robot, rng, 0.1)
