@@ -307,16 +307,11 @@ class BodyGains(NamedTuple):
     """Of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
 
     Attributes:
-        balance: of the centre of mass, horizontally.
-        balance_damping: likewise.
-        height: of the base.
-        height_damping: likewise.
-        rotation: of the base.
-        rotation_damping: likewise.
-        posture: of the joints.
-        posture_damping: likewise.
-        swing: of feet in the air.
-        swing_damping: likewise.
+        balance, balance_damping: of the centre of mass, horizontally.
+        height, height_damping: of the base.
+        rotation, rotation_damping: of the base.
+        posture, posture_damping: of the joints.
+        swing, swing_damping: of feet in the air.
         hold: damping of feet that stand.
         small_errors: damping beside `balance_damping`, for small errors of the velocity.
         small_error: m/s, as which greater ones count.

@@ -85,9 +85,8 @@ class BodyOptions:
     which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
     0.03 of sqrt(gravity times height) count as that much. Not for the papers' balancers."""
     velocity_of: Annotated[str, Choice(("com", "base"))] = "com"
-    """Whose horizontal velocity is damped: the centre of mass's, or the base's, which commands and
-    rewards of walking are about. Legs that swing move one against the other. "com" for the papers'
-    balancers."""
+    """Whose horizontal velocity is damped: the centre of mass's, or the base's, against which legs
+    that swing move it, and which commands are about. "com" for the papers' balancers."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
@@ -111,9 +110,8 @@ class BodyOptions:
 
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
         """Return the gains that they ask for."""
-        gains = default_gains(robot, kind)._replace(
-            small_errors=self.velocity_gain * kind.omega, of_base=self.velocity_of == "base"
-        )
+        small, of_base = self.velocity_gain * kind.omega, self.velocity_of == "base"
+        gains = default_gains(robot, kind)._replace(small_errors=small, of_base=of_base)
         ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
         for part, given in self.frequencies.items():
             stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")

@@ -528,9 +528,8 @@ def _stabilise(
         y = target.com_velocity[i, 1] - velocity[i, 1]
         share = min(1.0, gains.small_error / (math.hypot(x, y) + 1e-12))
         damping = gains.balance_damping + share * gains.small_errors
-        for k in range(2):
+        for k, rate in enumerate((x, y)):
             place = target.com[i, k] - terms.com[i, k]
-            rate = x if k == 0 else y
             body[i, k] = target.com_acceleration[i, k] + gains.balance * place + damping * rate
         body[i, 0] += cosine * added[i, 0] - sine * added[i, 1]
         body[i, 1] += sine * added[i, 0] + cosine * added[i, 1]
