@@ -318,7 +318,7 @@ class BodyGains(NamedTuple):
         give: how soft standing feet hold the base in directions in which their leg has no joints.
             Two such feet hold it twice, and what they disagree about is rounding and contacts that
             are soft. On a gait balance goes before.
-        of_base: whether `balance_damping` and `small_errors` act on the velocity of the base.
+        of_base: 1 where `balance_damping` and `small_errors` damp the velocity of the base, else 0.
     """
 
     balance: float
@@ -335,7 +335,7 @@ class BodyGains(NamedTuple):
     small_errors: float
     small_error: float
     give: float
-    of_base: bool = False
+    of_base: float = 0.0
 
 
 class WrenchGains(NamedTuple):

@@ -44,7 +44,7 @@ def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
         table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
     scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
     gains = BodyGains(*map(float, scaled))
-    return gains._replace(small_error=gains.small_error * robot.gravity, of_base=False)
+    return gains._replace(small_error=gains.small_error * robot.gravity)
 
 
 def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
@@ -110,7 +110,7 @@ class BodyOptions:
 
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
         """Return the gains that they ask for."""
-        small, of_base = self.velocity_gain * kind.omega, self.velocity_of == "base"
+        small, of_base = self.velocity_gain * kind.omega, float(self.velocity_of == "base")
         gains = default_gains(robot, kind)._replace(small_errors=small, of_base=of_base)
         ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
         for part, given in self.frequencies.items():

@@ -523,7 +523,7 @@ def _stabilise(
             reference[i, k] = target.qacc[i, k] + gains.posture * error
             reference[i, k] += gains.posture_damping * rate
         cosine, sine = heading_axes(law, target, i)
-        velocity = state.qvel if gains.of_base else terms.com_velocity
+        velocity = state.qvel if gains.of_base > 0.0 else terms.com_velocity
         x = target.com_velocity[i, 0] - velocity[i, 0]
         y = target.com_velocity[i, 1] - velocity[i, 1]
         share = min(1.0, gains.small_error / (math.hypot(x, y) + 1e-12))
