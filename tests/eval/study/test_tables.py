@@ -77,7 +77,7 @@ def test_what_has_only_begun_does_not_cut_short_what_has_finished(study):
 
 
 def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path / "docs")
+    monkeypatch.setitem(main.__globals__, "DOCS", tmp_path / "docs")
     (tmp_path / "docs").mkdir()
     page_of_docs = tmp_path / "docs" / "mine.md"
     first, last = marks("mine")
