@@ -494,8 +494,8 @@ def stabilise(
 
         x: a + w^2 (x_target - x) + 2 zeta w (xdot_target - xdot) + what is added
 
-    and the joints in the same way, where a is the target's. What is added is the command's `body`
-    (N, 6): m/s^2 along the heading, and rad/s^2 in the base's axes.
+    and the joints in the same way; a is the target's, xdot the base's if so told. What is
+    added is the command's `body` (N, 6): m/s^2 along the heading, rad/s^2 in the base's axes.
     """
     if len(command.reference) > 0:
         return command
