@@ -42,7 +42,8 @@ class BaseAcceleration(LawLayer):
     scale: np.ndarray  # (6,) m/s^2 and rad/s^2 at action 1
     contact: ContactOptions  # what it assumes of contacts
     moment_priority: float | tuple[float, float]  # of the law
-    priority_action: bool  # whether the action changes it
+    meant: Mapping[str, Any]  # name of an option that may be None -> what it means
+    priority_action: bool  # whether the action changes the priority
 
     @classmethod
     def of(
@@ -72,12 +73,7 @@ class BaseAcceleration(LawLayer):
         else:
             scale = action_scale(robot, stance, assumed.coefficient)
         body.check_priority_action(law.limited)
-        return cls(law, scale, assumed, priority, body.priority_action)
-
-    @property
-    def meant(self) -> Mapping[str, Any]:
-        """Name of an option that may be None -> what it means."""
-        return meant(self.law.constants.gains)
+        return cls(law, scale, assumed, priority, meant(held, kind), body.priority_action)
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -24,11 +24,15 @@ _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more
 
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
-# spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
+# spare. A gait on soles balances by its centre of pressure, and needs no spring beside it. Gaits
+# follow velocities of the base, which commands are about and against which swinging legs move the
+# centre of mass.
 _PLANNED = BodyGains(4.84, 6.6, 4.0, 6.0, 4.0, 6.0, 2.89, 5.1, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-3)
-_GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-2)
+_GAIT = BodyGains(
+    1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 4.0, _SMALL, 1e-2, of_base=1.0
+)
 _GAIT_ON_SOLES = BodyGains(
-    0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL, 1e-2
+    0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL, 1e-2, of_base=1.0
 )
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1, 0)
 
@@ -80,13 +84,14 @@ class BodyOptions:
     contact points) beside one for the force (per weight), where the contacts cannot deliver both,
     as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
     pushed."""
-    velocity_gain: Annotated[float, Number(0.0, 100.0)] = 0.0
+    velocity_gain: Annotated[float, Number(0.0, 100.0)] | None = None
     """By how much more small errors of the horizontal velocity are damped, in units of the rate at
     which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
     0.03 of sqrt(gravity times height) count as that much. Not for the papers' balancers."""
-    velocity_of: Annotated[str, Choice(("com", "base"))] = "com"
-    """Whose horizontal velocity is damped: the centre of mass's, or the base's, against which legs
-    that swing move it, and which commands are about. "com" for the papers' balancers."""
+    velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
+    """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
+    the base's, against which legs that swing move it, and which commands are about. None: the
+    base's on a gait; `velocity_gain` is 0 by default where it is told to be the other."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
@@ -110,8 +115,11 @@ class BodyOptions:
 
     def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
         """Return the gains that they ask for."""
-        small, of_base = self.velocity_gain * kind.omega, float(self.velocity_of == "base")
-        gains = default_gains(robot, kind)._replace(small_errors=small, of_base=of_base)
+        gains = default_gains(robot, kind)
+        if self.velocity_of is not None and (self.velocity_of == "base") != (gains.of_base > 0.0):
+            gains = gains._replace(small_errors=0.0, of_base=1.0 - gains.of_base)
+        if self.velocity_gain is not None:
+            gains = gains._replace(small_errors=self.velocity_gain * kind.omega)
         ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
         for part, given in self.frequencies.items():
             stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")
@@ -148,10 +156,12 @@ def set_priority(action: np.ndarray, memory: Memory) -> None:
         memory["priority"][:] = _PRIORITY_RANGE ** (0.5 * action[:, 6])
 
 
-def meant(gains: BodyGains) -> dict[str, Any]:
-    """Return what options of the body layers say the same as gains."""
+def meant(gains: BodyGains, kind: MotionKind) -> dict[str, Any]:
+    """Return what options of the body layers say the same as gains for a kind of motion."""
     told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in PARTS}
-    return {**told, "damping_ratio": 1.0}
+    of = "base" if gains.of_base > 0.0 else "com"
+    small = {"velocity_gain": gains.small_errors / kind.omega, "velocity_of": of}
+    return {**told, **small, "damping_ratio": 1.0}
 
 
 def in_hz(stiffness: float) -> float:

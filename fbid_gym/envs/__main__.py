@@ -113,6 +113,8 @@ def kinds() -> str:
         f"{part}_frequency": [f"{each[part]:g}, {each[f'{part}_damping']:g}" for each in gains]
         for part in ("balance", "height", "rotation", "posture", "swing")
     }
+    rows["velocity_gain"] = [f"{each['small_errors']:g}" for each in gains]
+    rows["velocity_of"] = ["base" if each["of_base"] else "com" for each in gains]
     rows["moment_priority"] = [f"{default_moment_priority(*each):.3g}" for each in of]
     ramps = [ContactOptions().on(*each).contact_ramp for each in of]
     rows["contact_ramp"] = [f"{ramp:g} / omega" if ramp else "0" for ramp in ramps]
