@@ -29,8 +29,7 @@ class BaseAcceleration(LawLayer):
         angular:          a + w^2 (rotation error)          + 2 zeta w (target rate - its rate)
 
     where a is the target's acceleration; on a gait the first velocity is the base's. Feet go first,
-    the body in what they leave, the joints near their target in the rest: see
-    `fbid_gym.actions.law`.
+    the body in what they leave, the joints near their target in the rest: `fbid_gym.actions.law`.
 
     The scale of the action is what the contacts can do: horizontally the acceleration that moves
     the centre of pressure from below the centre of mass to the nearest edge of the support polygon,

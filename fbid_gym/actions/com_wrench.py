@@ -105,7 +105,7 @@ _INVERSE_DYNAMICS = "inverse_dynamics"
 # Of the papers' balancers: frequencies in units of falling, and the damping ratio.
 _PAPERS = {"balance": 1.2, "height": 2.0, "rotation": 2.0, "posture": 1.7, "swing": 6.8}
 _PAPERS_RATIO = 1.5
-_PAPERS_VELOCITY = {"velocity_gain": 0.0, "velocity_of": "com"}
+_FIXED: dict[str, Any] = {"velocity_gain": 0.0, "velocity_of": "com", "loop_delay": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,9 +178,8 @@ class ComWrench(LawLayer):
             rival = BalanceLaw.of(
                 robot, control_hz, assumed, balancer, hertz, ratio, priority, scale
             )
-            told = {f"{part}_frequency": value for part, value in hertz.items()}
-            told |= {"damping_ratio": ratio, **_PAPERS_VELOCITY}
-            return cls(rival, scale, assumed, priority, told, False)
+            told = {f"{part}_frequency": value for part, value in hertz.items()} | _FIXED
+            return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio}, False)
         held, priority = body.gains(robot, kind), body.priority(robot, kind)
         law = Law.of(robot, control_hz, assumed, held, priority, delay=body.loop_delay)
         return cls(law, scale, assumed, priority, meant(held, kind), body.priority_action)
@@ -231,7 +230,7 @@ def _papers_frequencies(
         expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
         raise InvalidValueError("balancer", balancer, expected)
     expected = f'or the balancer "{_INVERSE_DYNAMICS}"'
-    for name, must in {**_PAPERS_VELOCITY, "loop_delay": 0.0}.items():
+    for name, must in _FIXED.items():
         if getattr(body, name) not in (None, must):
             raise InvalidValueError(name, getattr(body, name), f"{must!r}, {expected}")
     given = body.frequencies.items()

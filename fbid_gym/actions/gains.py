@@ -25,24 +25,17 @@ _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
 # spare. A gait on soles balances by its centre of pressure, and needs no spring beside it. Gaits
-# follow velocities of the base, which commands are about and against which swinging legs move the
-# centre of mass.
-_PLANNED = BodyGains(4.84, 6.6, 4.0, 6.0, 4.0, 6.0, 2.89, 5.1, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-3)
-_GAIT = BodyGains(
-    1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 4.0, _SMALL, 1e-2, of_base=1.0
-)
-_GAIT_ON_SOLES = BodyGains(
-    0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL, 1e-2, of_base=1.0
-)
+# damp velocities of the base, which commands are about.
+_PLANNED = BodyGains(4.84, 6.6, 4, 6, 4, 6, 2.89, 5.1, 26, 10, 5, 0, _SMALL, 1e-3)
+_GAIT = BodyGains(1, 4, 4.4, 3.4, 5.9, 4.3, 0, 0.34, 26, 10, 5, 4, _SMALL, 1e-2, of_base=1)
+_ON_SOLES = BodyGains(0, 0, 7.84, 5.6, 6.25, 5, 4.84, 4.4, 49, 14, 2.9, 0, _SMALL, 1e-2, of_base=1)
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1, 0)
 
 
 def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
     """Return the gains that a robot has unless told otherwise."""
-    table = _PLANNED
-    if kind.gait:
-        table = _GAIT_ON_SOLES if robot.has_soles else _GAIT
-    if kind.gait and not robot.has_soles and robot.num_joints > 3 * robot.num_feet:
+    table = _PLANNED if not kind.gait else _ON_SOLES if robot.has_soles else _GAIT
+    if table is _GAIT and robot.num_joints > 3 * robot.num_feet:
         # It can move while its feet and its base stay where they are: a leg turns about its ends,
         # unless it is held as firmly as a foot in the air.
         table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
@@ -91,7 +84,7 @@ class BodyOptions:
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the
-    base's on a gait; `velocity_gain` is 0 by default where it is told to be the other."""
+    base's on a gait. Told to be the other, the default of `velocity_gain` is 0."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the

@@ -11,7 +11,7 @@ from inspect import getdoc
 
 from fbid_gym.actions import LAYERS, Additions
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
+from fbid_gym.actions.gains import PARTS, BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.overlays import RenderOptions
@@ -109,10 +109,7 @@ def kinds() -> str:
     columns = [("go1", False), ("go1", True), ("biped", True)]
     of = [(load(robot), MotionKind(gait, 1.0)) for robot, gait in columns]
     gains = [default_gains(robot, kind)._asdict() for robot, kind in of]
-    rows = {
-        f"{part}_frequency": [f"{each[part]:g}, {each[f'{part}_damping']:g}" for each in gains]
-        for part in ("balance", "height", "rotation", "posture", "swing")
-    }
+    rows = {f"{x}_frequency": [f"{g[x]:g}, {g[f'{x}_damping']:g}" for g in gains] for x in PARTS}
     rows["velocity_gain"] = [f"{each['small_errors']:g}" for each in gains]
     rows["velocity_of"] = ["base" if each["of_base"] else "com" for each in gains]
     rows["moment_priority"] = [f"{default_moment_priority(*each):.3g}" for each in of]

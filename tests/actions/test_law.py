@@ -199,13 +199,14 @@ def test_the_velocity_that_is_damped_is_that_of_the_base_or_of_the_centre_of_mas
     zero, kind = np.zeros((1, 6)), kind_of(robot)
     state, terms = crouched(robot, rng, 0.3)
     target, asked = target_of(robot, terms, rng), []
-    for whose in ("base", "com"):
+    for whose in ("base", "com", None):
         options = {"balance_frequency": (2.0, 3.0), "velocity_of": whose, "velocity_gain": 0}
         layer, _ = make_layer(name, robot, HZ, kind, options)
         asked.append(layer.desired(zero, state, target, terms)[0])
     apart = terms.com_velocity[0, :2] - state.qvel[0, :2]
     assert np.abs(apart).max() > 1e-3
     np.testing.assert_allclose(asked[0] - asked[1], np.append(3.0 * apart, 0.0), atol=1e-9)
+    np.testing.assert_array_equal(asked[2], asked[0])
 
 
 def test_an_offset_of_the_velocity_would_be_the_same_action_in_other_units(robot, rng):

@@ -59,6 +59,18 @@ def test_what_a_run_did_not_know_of_yet_is_no_change(began):
     assert "given_up unset instead of 3" in said and "reward_scales" not in said
 
 
+def test_a_run_of_before_damps_the_velocity_of_the_centre_of_mass(tmp_path):
+    walk = {"env": "fbid_gym/QuadrupedWalk-v0", "action_layer": "base_acceleration"}
+    with open_run(stand_in.config(tmp_path / "run", **walk)) as run:
+        run.begin()
+    file = run.folder.path / "environment.json"
+    options = read_json(file)["layer_options"]
+    assert options.pop("velocity_of") == "base" and options["velocity_gain"] == 4.0
+    rewrite(file, layer_options=options | {"velocity_gain": 0.0})
+    before = {"velocity_of": "com", "velocity_gain": 0.0}
+    assert as_trained(run.folder.path, {})["layer_options"] == before
+
+
 def test_options_of_the_layer_are_those_of_the_training(began):
     """Whatever is the default today; those that there are no more are passed over."""
     arguments = read_json(began / "config.json")["env_args"]

@@ -75,9 +75,13 @@ def test_it_is_loaded_by_its_name():
     np.testing.assert_array_equal(policy.weights[0], law.weights[0])
 
 
-def test_a_shipped_policy_keeps_the_layer_of_before_the_pendulum():
-    policy = load_policy(Path("assets/policies/BipedWalk-v0/joint_position_gait.safetensors"))
-    assert policy.env_args["layer_options"]["pendulum"] is False
+def test_shipped_policies_keep_the_layers_of_before():
+    for name, option in (
+        ("BipedWalk-v0/joint_position_gait", ("pendulum", False)),
+        ("QuadrupedWalk-v0/com_wrench", ("velocity_of", "com")),
+    ):
+        policy = load_policy(Path(f"assets/policies/{name}.safetensors"))
+        assert option in policy.env_args["layer_options"].items()
 
 
 @pytest.mark.parametrize(
