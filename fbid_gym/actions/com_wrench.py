@@ -102,7 +102,7 @@ BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
 """The papers' balancers -> what they are in `fbid_gym.control.balancers`."""
 
 _INVERSE_DYNAMICS = "inverse_dynamics"
-# Of the papers' balancers: frequencies in units of falling, and the damping ratio.
+# Of the papers' balancers: frequencies in units of falling, damping ratio, what cannot be changed.
 _PAPERS = {"balance": 1.2, "height": 2.0, "rotation": 2.0, "posture": 1.7, "swing": 6.8}
 _PAPERS_RATIO = 1.5
 _FIXED: dict[str, Any] = {"velocity_gain": 0.0, "velocity_of": "com", "loop_delay": 0.0}

@@ -84,7 +84,7 @@ class BodyOptions:
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the
-    base's on a gait. Told to be the other, the default of `velocity_gain` is 0."""
+    base's on a gait; with the other one `velocity_gain` is 0 unless given."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
