@@ -12,6 +12,7 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.control.contact_forces import ContactLimits
+from fbid_gym.control.grip import FIRST, LEAST
 from fbid_gym.dynamics.passive_joints import PassiveJoints
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions.target import MotionKind
@@ -30,8 +31,9 @@ CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
 LONGEST_SCHEDULE = 100_000
 """Control ticks of a schedule; all of them are kept."""
 
-MEASURED_LOAD = 0.005
-"""Share of the robot's weight that a point must carry to count as measured contact."""
+MEASURED_LOAD = 0.005  # of the weight: a point that carries more counts as measured contact
+
+_UNKNOWN = -1
 
 
 def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> ContactBelief:
@@ -89,9 +91,6 @@ def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.nda
     return np.concatenate(phases)
 
 
-_UNKNOWN = -1
-
-
 @dataclass(frozen=True)
 class ContactRamp:
     """Leads the torque of a layer from one set of contacts to the next.
@@ -118,9 +117,8 @@ class ContactRamp:
 
         The law's are `torque` (N, n), with the contacts `active` (N, P) bool.
         """
-        return _fade(
-            torque, active, self.ticks, _Ramp(*(memory[f"ramp_{name}"] for name in _Ramp._fields))
-        )
+        own = _Ramp(*(memory[f"ramp_{name}"] for name in _Ramp._fields))
+        return _fade(torque, active, self.ticks, own)
 
 
 class _Ramp(NamedTuple):
@@ -182,7 +180,10 @@ class ContactOptions:
     """Coefficient assumed of every contact. None: 0.6, or nine tenths of what the model's feet have
     on its ground, if that is less."""
     notice_slip: bool = True
-    """Count on less friction while feet slip, and on half at first on points: `control/grip.py`."""
+    """Count on less friction while feet slip, and at first: `control/grip.py`."""
+    initial_grip: Annotated[float, Number(LEAST, 1.0)] | None = None
+    """Share of the friction that is counted on at first. None: half on points, or as much as the
+    gait needs to carry the robot if that is more; all on soles, and where slip is not noticed."""
     contact_time: Annotated[float, Number(0.0, 1.0, "s")] | None = None
     """s, time constant of the feet's contacts, the first number of MuJoCo's `solref`: so long feet
     may move on when they land before they count as slipping. None: that of the model's feet."""
@@ -205,11 +206,16 @@ class ContactOptions:
         # from 0.26 to 0.14 of a limit, and the velocity error from 0.084 to 0.094 m/s.
         ramp = _RAMP_ON_SOLES / kind.omega if kind.gait and robot.has_soles else 0.0
         contact = contact_of_feet(robot.at_home, robot.feet)
-        friction = min(ASSUMED_FRICTION, _CAREFUL * contact.friction)
+        usual = min(ASSUMED_FRICTION, _CAREFUL * contact.friction)
+        friction = usual if self.friction is None else self.friction
+        # On soles less at first prevents no fall.
+        careful = self.notice_slip and not robot.has_soles and kind.friction < friction
+        grip = max(FIRST, kind.friction / friction) if careful else 1.0
         return replace(
             self,
+            initial_grip=grip if self.initial_grip is None else self.initial_grip,
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,
-            friction=friction if self.friction is None else self.friction,
+            friction=friction,
             contact_time=contact.time if self.contact_time is None else self.contact_time,
         )
 

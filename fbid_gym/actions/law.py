@@ -79,6 +79,7 @@ class Law(OnContacts):
     constants: LawConstants  # of the law
     limited: bool  # whether contact forces have limits; else they can pull and never slip
     late: Delay | None  # how late its torques come; None where they come at once
+    initial_grip: float  # share of the coefficient of friction that is counted on at first
 
     @classmethod
     def of(
@@ -103,6 +104,7 @@ class Law(OnContacts):
         stance, limits = Stance.of(robot), contact.limits(robot)
         inertia, priority = _turning_inertia(robot), np.broadcast_to(moment_priority, 2)
         cost = (1.0, 1.0, 1.0, *about_base(robot, *priority))
+        tick, falls, softness = 1.0 / control_hz, stance.falling_rate, contact.contact_time or 0.0
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,
@@ -118,19 +120,14 @@ class Law(OnContacts):
             turning_mobility=np.linalg.inv(inertia),
             feet_first=not joints_first,
             passive=contact.passive(robot),
-            motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
-            grip=GripModel.of(
-                stance.falling_rate,
-                robot.gravity,
-                1.0 / control_hz,
-                contact.contact_time or 0.0,
-                notices=contact.notice_slip,
-            ),
+            motors=MotorModel(torque_line(robot), tick, 1.0 / falls),
+            grip=GripModel.of(falls, robot.gravity, tick, softness, notices=contact.notice_slip),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         radius = np.array([foot.radius for foot in robot.feet])
-        late = Delay(delay, 1.0 / control_hz, robot.gravity, radius) if delay else None
-        return cls(robot, belief, contact.ramp(control_hz), constants, limits is not None, late)
+        late = Delay(delay, tick, robot.gravity, radius) if delay else None
+        ramp, grip = contact.ramp(control_hz), contact.initial_grip or 1.0
+        return cls(robot, belief, ramp, constants, limits is not None, late, grip)
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
@@ -141,8 +138,7 @@ class Law(OnContacts):
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
         own = super().memory(num_robots)
-        if not self.robot.has_soles:  # on soles less at first prevents no fall
-            own["grip"][:] = self.constants.grip.first
+        own["grip"][:] = self.initial_grip
         if self.late is not None:
             own["sent"] = np.zeros((num_robots, self.late.ticks, self.robot.nv))
         return own
@@ -161,8 +157,7 @@ class Law(OnContacts):
             made, sent = memory["acceleration"], memory["sent"]
             state, terms = look_ahead(self.late, made, sent, state, terms)
         solve = torque_within_limits if self.limited else torque_without_limits
-        own = LawMemory.of(memory)
-        torque = solve(self.constants, command, state, target, terms, active, own)
+        torque = solve(self.constants, command, state, target, terms, active, LawMemory.of(memory))
         return torque if self.ramp is None else self.ramp.torque(torque, active, memory)
 
 

@@ -1,10 +1,10 @@
 """How much friction a law counts on: on points half at first; less while feet slip.
 
-No robot knows the friction of the ground it walks on. Forces that the ground does not give are
-worse than none: the foot slips, and the body with it. So the law of a robot on points counts on
-half of its coefficient at first. Feet that slip can be seen, for they carry and move: the law then
-lowers the friction it counts on until they stay, and raises it slowly while they do, as the ground
-may be better elsewhere.
+No robot knows the friction of its ground. Forces that the ground does not give are worse than none:
+the foot slips, and the body with it. So the law of a robot on points counts on half of its
+coefficient at first, or on what its gait needs. Feet that slip can be seen, for they carry and
+move: the law then lowers the friction it counts on until they stay, and raises it slowly while they
+do, as the ground may be better elsewhere.
 """
 
 import math
@@ -28,7 +28,7 @@ _TELLS = 0.25  # of the weight: a foot that carries less slips for less
 # 600, 594 and 534 on the biped (-v1, 48 episodes); on ten drawn quadrupeds 368, 371, 362 and 356.
 _LOSING, _RECOVERING, _SPEED = 0.15, 12.0, 0.1
 # With 0.25, 0.35, 0.5, 0.7 and 1 go1 returns 592, 604, 608, 612, 592, they 383, 384, 384, 384, 365.
-_FIRST = 0.5
+FIRST = 0.5  # share of the coefficient that robots on points count on at first
 
 # Times the contacts' own: with 1, 1.5, 2 and 4 go1 on contacts of 20 ms returns 530, 574, 597 and
 # 584 as built, the drawn quadrupeds 368, 368, 361 and 358 (with 0.06 for the speed).
@@ -38,7 +38,6 @@ _STOPPING = 1.5
 class GripModel(NamedTuple):
     """When feet slip, and how fast a law takes notice."""
 
-    first: float  # share of the coefficient that robots on points count on at first
     tick: float  # s, of the law
     speed: float  # m/s up to which a foot that carries only creeps; at twice as much it slips
     slower: float  # share of its speed that a foot that has landed may still have a tick later
@@ -55,9 +54,9 @@ class GripModel(NamedTuple):
         shorter than two steps of the physics, here those of the law.
         """
         time = 1.0 / falling_rate
-        first, losing = (_FIRST, _LOSING * time) if notices else (1.0, math.inf)
+        losing = _LOSING * time if notices else math.inf
         slower = math.exp(-tick / (_STOPPING * max(contact_time, 2.0 * tick)))
-        return cls(first, tick, _SPEED * gravity * time, slower, losing, _RECOVERING * time)
+        return cls(tick, _SPEED * gravity * time, slower, losing, _RECOVERING * time)
 
 
 @compiled

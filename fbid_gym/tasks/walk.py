@@ -238,7 +238,8 @@ class Walk(Episode):
     @property
     def kind(self) -> MotionKind:
         """See `Task.kind`."""
-        return MotionKind(True, self.gait.omega, cycle=self.derived["gait_period"])
+        omega, friction = self.gait.omega, self.gait.friction
+        return MotionKind(True, omega, cycle=self.derived["gait_period"], friction=friction)
 
     def advance(self, plan: Plan, now: Now) -> None:
         """Advance the gait by a tick, and note the motion of the feet."""

@@ -100,6 +100,27 @@ def test_a_sole_that_tips_about_its_edge_does_not_slip(rng: np.random.Generator)
     assert robot.after(0.5) == LEAST
 
 
+@pytest.mark.parametrize(
+    ("task", "gait", "options", "expected"),
+    [
+        ("QuadrupedWalk", "trot", {}, 0.5),
+        ("QuadrupedWalk", "pace", {"friction": 0.6}, 0.49 / 0.6),
+        ("QuadrupedWalk", "bound", {"friction": 0.6}, 1.0),  # 0.74 of it
+        ("QuadrupedWalk", "bound", {"initial_grip": 0.4}, 0.4),
+        ("QuadrupedWalk", "trot", {"notice_slip": False}, 1.0),
+        ("BipedWalk", "walk", {}, 1.0),
+    ],
+)
+def test_a_law_begins_with_half_of_the_friction_or_as_much_as_its_gait_needs(
+    task: str, gait: str, options: dict[str, float], expected: float
+) -> None:
+    with gym.make(
+        f"fbid_gym/{task}-v0", gait=gait, action_layer="base_acceleration", layer_options=options
+    ) as env:
+        grip = env.unwrapped.batch.loop.memory["grip"]
+    assert grip == pytest.approx(expected, abs=0.01)
+
+
 def walk_on(friction: float, notices: bool) -> tuple[float, np.ndarray]:
     """Return the share that stays up on ground unknown to the law, and the grip of each."""
     env = gym.make_vec(

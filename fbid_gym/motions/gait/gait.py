@@ -29,6 +29,7 @@ class Gait:
     # Type of its memory, a named tuple of arrays.
     remembered: type[quadruped.PointGaitMemory] | type[biped.FlatGaitMemory]
     walk: Callable[..., None]  # the kernel, see `point_feet.walk`
+    friction: float = 0.0  # see `MotionKind`
 
     @cached_property
     def _own(self) -> Callable[[Memory], tuple[np.ndarray, ...]]:
@@ -93,7 +94,8 @@ def gait_of(
         walk = biped.biped_gait(robot, name, integral_time, period)
         return Gait(walk, tick, biped.FlatGaitMemory, flat_feet.walk)
     trot = quadruped.quadruped_gait(robot, name, integral_time, period)
-    return Gait(trot, tick, quadruped.PointGaitMemory, point_feet.walk)
+    friction = quadruped.least_friction(robot, trot)
+    return Gait(trot, tick, quadruped.PointGaitMemory, point_feet.walk, friction)
 
 
 def gaits_of(robot: Robot) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ import numpy as np
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
-from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of
+from fbid_gym.motions.gait.hull import nearest_in_hull
+from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
 from fbid_gym.motions.gait.slope import Sense, level_moments
 from fbid_gym.motions.gait.touchdown import STANCE
 from fbid_gym.robots import Robot
@@ -152,6 +153,20 @@ def quadruped_gait(
         foot_of_point=stance.geometry.foot_of_point,
         home=robot.home_qpos,
     )
+
+
+def least_friction(robot: Robot, gait: PointFootGait) -> float:
+    """Return the coefficient of friction that carries a robot without a moment all the time.
+
+    Where the feet that stand are not around the centre of mass, forces on them have to lean.
+    """
+    leaning = 0.0
+    for phase in gait.schedule.lift:
+        since = [since_lift(gait.schedule, phase, foot) for foot in range(robot.num_feet)]
+        stands = np.add(since, gait.schedule.duty) >= 1.0
+        if stands.any():
+            leaning = max(leaning, math.hypot(*nearest_in_hull(gait.place[stands], (0.0, 0.0))))
+    return leaning * gait.omega**2 / robot.gravity
 
 
 @once_for_robot

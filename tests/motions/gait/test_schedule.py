@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from scipy.optimize import linprog
 
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions.gait.gait import gait_of
@@ -71,6 +73,28 @@ def test_a_biped_steps_twice_in_a_cycle():
     assert slow.single == pytest.approx(2.0 * usual.single)
     assert slow.double == pytest.approx(2.0 * usual.double)
     assert usual.omega * (usual.single + usual.double) == pytest.approx(1.7)
+
+
+def carries(feet: np.ndarray, friction: float) -> bool:
+    """Whether forces on feet (F, 3), seen from the centre of mass, carry it without a moment."""
+    angles, crosses = np.arange(64) * np.pi / 32.0, [np.cross(foot, np.eye(3)).T for foot in feet]
+    facets = np.stack([np.cos(angles), np.sin(angles), np.full(64, -friction)], axis=1)
+    balance = np.vstack([np.hstack(crosses), np.tile([0.0, 0.0, 1.0], len(feet))])
+    cones, wrench = block_diag(*[facets] * len(feet)), [0.0, 0.0, 0.0, 1.0]
+    size = cones.shape[1]
+    found = linprog(np.zeros(size), cones, np.zeros(len(cones)), balance, wrench, (None, None))
+    return found.success
+
+
+@pytest.mark.parametrize("gait", PATTERNS)
+def test_the_friction_that_a_gait_needs_carries_it_and_less_does_not(gait):
+    made = gait_of(load("go1"), 250, gait)
+    walk, height = made.constants, 9.81 / made.omega**2
+    feet = np.insert(walk.place, 2, -height, axis=1)
+    standing = planned_contacts(walk.schedule, PHASES[::100])
+    assert all(carries(feet[stands], 1.01 * made.friction + 1e-6) for stands in standing)
+    if made.friction > 0.0:
+        assert not all(carries(feet[stands], 0.99 * made.friction) for stands in standing)
 
 
 def test_bad_input_is_refused():
