@@ -33,7 +33,8 @@ def kind_of(robot):
 
 def law_of(robot):
     gains = default_gains(robot, kind_of(robot))
-    contact = ContactOptions(friction=0.6, compensate_damping=False)
+    contact = ContactOptions(friction=0.6, compensate_damping=False, contact_ramp=0.0)
+    contact = contact.on(robot, kind_of(robot))
     return Law.of(robot, HZ, contact, gains, 1.0)
 
 

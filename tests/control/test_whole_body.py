@@ -48,8 +48,8 @@ class Scene(NamedTuple):
 
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     plain = {"friction": FRICTION, "compensate_damping": False, "notice_slip": False}
-    contact = ContactOptions(**plain | options)
-    gains = default_gains(robot, planned_kind(robot))
+    contact = ContactOptions(**plain | options).on(robot, kind := planned_kind(robot))
+    gains = default_gains(robot, kind)
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
     return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
 

@@ -9,12 +9,12 @@ import numpy as np
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import Trim
-from fbid_gym.motions.gait.hull import nearest_in_hull
-from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
+from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of
 from fbid_gym.motions.gait.slope import Sense, level_moments
 from fbid_gym.motions.gait.touchdown import STANCE
 from fbid_gym.robots import Robot
 from fbid_gym.robots.measured import once_for_robot
+from fbid_gym.robots.polygon import margin_within
 
 
 class PointFootGait(NamedTuple):
@@ -162,10 +162,9 @@ def least_friction(robot: Robot, gait: PointFootGait) -> float:
     """
     leaning = 0.0
     for phase in gait.schedule.lift:
-        since = [since_lift(gait.schedule, phase, foot) for foot in range(robot.num_feet)]
-        stands = np.add(since, gait.schedule.duty) >= 1.0
+        stands = (phase - gait.schedule.lift) % 1.0 >= 1.0 - gait.schedule.duty
         if stands.any():
-            leaning = max(leaning, math.hypot(*nearest_in_hull(gait.place[stands], (0.0, 0.0))))
+            leaning = max(leaning, -margin_within(gait.place[stands], np.zeros(2)))
     return leaning * gait.omega**2 / robot.gravity
 
 
