@@ -21,7 +21,7 @@ class MotionKind(NamedTuple):
     omega: float  # 1/s, rate at which the robot falls while it moves so
     steps: bool = True  # whether feet leave the ground
     cycle: float = WALK_CYCLE  # 1/omega in which each foot steps once; planned ones are slow
-    friction: float = 0.0  # coefficient that holds the robot up without a moment on feet that stand
+    friction: float = 0.0  # coefficient that carries the robot without a moment, see `Gait`
 
 
 NUMBERS = (

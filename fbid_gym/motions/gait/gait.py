@@ -29,7 +29,7 @@ class Gait:
     # Type of its memory, a named tuple of arrays.
     remembered: type[quadruped.PointGaitMemory] | type[biped.FlatGaitMemory]
     walk: Callable[..., None]  # the kernel, see `point_feet.walk`
-    friction: float = 0.0  # see `MotionKind`
+    friction: float = 0.0  # see `quadruped.least_friction`; not asked for on soles
 
     @cached_property
     def _own(self) -> Callable[[Memory], tuple[np.ndarray, ...]]:
