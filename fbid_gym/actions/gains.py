@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from fbid_gym.actions.ranges import DampingRatio, LoopDelay, Priority, Response, in_hertz
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
@@ -28,7 +29,7 @@ _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more
 # damp velocities of the base, which commands are about.
 _PLANNED = BodyGains(4.84, 6.6, 4, 6, 4, 6, 2.89, 5.1, 26, 10, 5, 0, _SMALL, 1e-3)
 _GAIT = BodyGains(1, 4, 4.4, 3.4, 5.9, 4.3, 0, 0.34, 26, 10, 5, 4, _SMALL, 1e-2, of_base=1)
-_ON_SOLES = BodyGains(0, 0, 7.84, 5.6, 6.25, 5, 4.84, 4.4, 49, 14, 2.9, 0, _SMALL, 1e-2, of_base=1)
+_ON_SOLES = BodyGains(0, 0, 7.84, 5.6, 6.25, 5, 4.84, 4.4, 49, 14, 2.9, 2, _SMALL, 1e-2, of_base=1)
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1, 0)
 
 
@@ -42,17 +43,6 @@ def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
     scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
     gains = BodyGains(*map(float, scaled))
     return gains._replace(small_error=gains.small_error * robot.gravity)
-
-
-def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
-    """Return the weight of moments beside forces, see `Law.of`.
-
-    On soles the centre of pressure balances a robot that walks: there the horizontal force goes
-    before the moment. On points there is little of a moment to give away.
-    """
-    if not kind.gait:
-        return 0.2
-    return 0.05 if robot.has_soles else 1.0 / 0.3**2
 
 
 @dataclass(frozen=True)
@@ -84,7 +74,7 @@ class BodyOptions:
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the
-    base's on a gait; with the other one `velocity_gain` is 0 unless given."""
+    base's on a gait. With the other one `velocity_gain` is 0, `moment_priority` 0.05 on soles."""
     priority_action: bool = False
     """Whether one more entry of the action, after those of the body, multiplies `moment_priority`:
     by 4 at action 1, by a quarter at -1. Not for the papers' balancers, nor without limits of the
@@ -134,9 +124,18 @@ class BodyOptions:
             raise InvalidValueError("priority_action", True, expected)
 
     def priority(self, robot: Robot, kind: MotionKind) -> float | tuple[float, float]:
-        """Return the weight of moments beside forces that they ask for, or the two of them."""
-        default = default_moment_priority(robot, kind)
-        return default if self.moment_priority is None else self.moment_priority
+        """Return the weight of moments beside forces, or the two of them, see `Law.of`.
+
+        By default: on soles the centre of pressure balances a robot that walks, and a moment moves
+        it as a force at the height of the centre of mass does. On points there is little of a
+        moment to give away.
+        """
+        if self.moment_priority is not None:
+            return self.moment_priority
+        if not kind.gait or not robot.has_soles:
+            return 1.0 / 0.3**2 if kind.gait else 0.2
+        stance, of_base = Stance.of(robot), self.gains(robot, kind).of_base > 0.0
+        return 1.5 * float(stance.length / stance.home_com[2]) ** 2 if of_base else 0.05
 
 
 BODY_DEFAULTS = BodyOptions()

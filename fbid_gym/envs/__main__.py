@@ -11,7 +11,7 @@ from inspect import getdoc
 
 from fbid_gym.actions import LAYERS, Additions
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.gains import PARTS, BodyOptions, default_gains, default_moment_priority
+from fbid_gym.actions.gains import PARTS, BodyOptions, default_gains
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.overlays import RenderOptions
@@ -68,7 +68,8 @@ motion decides: one that is planned beforehand, standing among them, or an onlin
 robot falls; a frequency stands for both, critically damped unless `damping_ratio` says otherwise,
 or the option is the pair itself:"""
 _SPARE = """\
-On a gait joints that neither feet nor body need are held as firmly as a foot in the air. Of
+On soles `moment_priority` is 1.5 (d / h)^2, here of `biped`, by contact points d apart and a centre
+of mass h high. On a gait joints that neither feet nor body need are held like a foot in the air. Of
 `footholds` the default is True on a gait, of `base_acceleration` and `com_wrench`, else False."""
 _SENSORS = """\
 The presets "good", "mems" and "raw", with the data sheets that their numbers are from, stand in
@@ -112,7 +113,7 @@ def kinds() -> str:
     rows = {f"{x}_frequency": [f"{g[x]:g}, {g[f'{x}_damping']:g}" for g in gains] for x in PARTS}
     rows["velocity_gain"] = [f"{each['small_errors']:g}" for each in gains]
     rows["velocity_of"] = ["base" if each["of_base"] else "com" for each in gains]
-    rows["moment_priority"] = [f"{default_moment_priority(*each):.3g}" for each in of]
+    rows["moment_priority"] = [f"{BodyOptions().priority(*each):.3g}" for each in of]
     ramps = [ContactOptions().on(*each).contact_ramp for each in of]
     rows["contact_ramp"] = [f"{ramp:g} / omega" if ramp else "0" for ramp in ramps]
     listed = ([f"`{name}`", *values] for name, values in rows.items())

@@ -13,6 +13,7 @@ from fbid_gym.actions.law import Law
 from fbid_gym.control import operational_space_acceleration
 from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
@@ -268,6 +269,16 @@ def test_moments_that_turn_may_weigh_apart(rng):
         missing.append(abs(terms.mass_matrix[0, 5] @ (wanted - memory["acceleration"][0])))
     np.testing.assert_array_equal(torques[0], torques[1])
     assert missing[1] > 1.5 * missing[2] > 3.0 * missing[3]
+
+
+@pytest.mark.parametrize("name", ["biped", "humanoid", "zoo:biped:1"])
+def test_on_soles_a_moment_weighs_like_the_force_that_takes_the_same_shift_of_pressure(name):
+    robot = robots.load(name)
+    layer, _ = make_layer("base_acceleration", robot, HZ, kind_of(robot), {})
+    scale, height = layer.law.constants.nearness, robot.gravity / Stance.of(robot).falling_rate ** 2
+    np.testing.assert_allclose(np.square(scale[3:] * height), 1.5 * np.square(scale[:3]))
+    layer, _ = make_layer("com_wrench", robot, HZ, kind_of(robot), {"velocity_of": "com"})
+    assert layer.moment_priority == 0.05 and layer.law.constants.gains.small_errors == 0.0
 
 
 def test_a_priority_that_nothing_has_is_no_action():

@@ -17,7 +17,7 @@ import numpy as np
 from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.trial import Memory
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.gains import default_gains, default_moment_priority
+from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.law import Law
 from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics import DynamicsTerms
@@ -89,8 +89,8 @@ class Stepper:
         kind = MotionKind(True, omega)
         # Contacts switch instantly, as in [M10] IV.D.
         contact = ContactOptions(contact_ramp=0.0, friction=FRICTION).on(robot, kind)
-        gains, priority = default_gains(robot, kind), default_moment_priority(robot, kind)
-        self.law = Law.of(robot, self.plan.hz, contact, gains, priority)
+        gains = default_gains(robot, kind)._replace(small_errors=0.0)
+        self.law = Law.of(robot, self.plan.hz, contact, gains, 0.05)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
