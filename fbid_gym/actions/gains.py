@@ -22,11 +22,11 @@ PRIORITY_ACTION = "priority of the moment (x 4 at 1, / 4 at -1)"
 _PRIORITY_RANGE = 4.0
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
+_OF_SOLE = 0.25  # that by which the pressure under the feet can move, or `_SMALL` if that is less
 
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
-# spare. A gait on soles balances by its centre of pressure, and needs no spring beside it. Gaits
-# damp velocities of the base, which commands are about.
+# spare. A gait on soles balances by its centre of pressure. Gaits damp velocities of the base.
 _PLANNED = BodyGains(4.84, 6.6, 4, 6, 4, 6, 2.89, 5.1, 26, 10, 5, 0, _SMALL, 1e-3)
 _GAIT = BodyGains(1, 4, 4.4, 3.4, 5.9, 4.3, 0, 0.34, 26, 10, 5, 4, _SMALL, 1e-2, of_base=1)
 _ON_SOLES = BodyGains(0, 0, 7.84, 5.6, 6.25, 5, 4.84, 4.4, 49, 14, 2.9, 2, _SMALL, 1e-2, of_base=1)
@@ -41,8 +41,10 @@ def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
         # unless it is held as firmly as a foot in the air.
         table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
     scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
-    gains = BodyGains(*map(float, scaled))
-    return gains._replace(small_error=gains.small_error * robot.gravity)
+    gains, stance = BodyGains(*map(float, scaled)), Stance.of(robot)
+    within = _OF_SOLE * float(stance.margin.min() / stance.home_com[2]) / kind.omega
+    small = min(gains.small_error, within) if table is _ON_SOLES else gains.small_error
+    return gains._replace(small_error=small * robot.gravity)
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,8 @@ class BodyOptions:
     pushed."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] | None = None
     """By how much more small errors of the horizontal velocity are damped, in units of the rate at
-    which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors greater than
-    0.03 of sqrt(gravity times height) count as that much. Not for the papers' balancers."""
+    which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors count up to
+    0.03 of sqrt(gravity times height), on short soles less. Not for the papers' balancers."""
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the
@@ -126,9 +128,8 @@ class BodyOptions:
     def priority(self, robot: Robot, kind: MotionKind) -> float | tuple[float, float]:
         """Return the weight of moments beside forces, or the two of them, see `Law.of`.
 
-        By default: on soles the centre of pressure balances a robot that walks, and a moment moves
-        it as a force at the height of the centre of mass does. On points there is little of a
-        moment to give away.
+        By default a moment weighs on soles like the force that moves the centre of pressure as far;
+        on points, where a robot has little of it to give away, much more.
         """
         if self.moment_priority is not None:
             return self.moment_priority
