@@ -22,7 +22,7 @@ PRIORITY_ACTION = "priority of the moment (x 4 at 1, / 4 at -1)"
 _PRIORITY_RANGE = 4.0
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
-_OF_SOLE = 0.25  # that by which the pressure under the feet can move, or `_SMALL` if that is less
+_OF_SOLE = 0.25  # likewise on soles, where less: of how far the pressure can shift, per height
 
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
@@ -135,8 +135,8 @@ class BodyOptions:
             return self.moment_priority
         if not kind.gait or not robot.has_soles:
             return 1.0 / 0.3**2 if kind.gait else 0.2
-        stance, of_base = Stance.of(robot), self.gains(robot, kind).of_base > 0.0
-        return 1.5 * float(stance.length / stance.home_com[2]) ** 2 if of_base else 0.05
+        stance, of_com = Stance.of(robot), self.velocity_of == "com"
+        return 0.05 if of_com else 1.5 * float(stance.length / stance.home_com[2]) ** 2
 
 
 BODY_DEFAULTS = BodyOptions()

@@ -278,7 +278,7 @@ def test_on_soles_a_moment_weighs_like_the_force_that_takes_the_same_shift_of_pr
     scale, height = layer.law.constants.nearness, robot.gravity / Stance.of(robot).falling_rate ** 2
     np.testing.assert_allclose(np.square(scale[3:] * height), 1.5 * np.square(scale[:3]))
     gains, shift = layer.law.constants.gains, Stance.of(robot).margin.min()
-    assert gains.small_errors * gains.small_error <= 0.501 * robot.gravity * shift / height
+    assert gains.small_errors * gains.small_error <= 0.5000001 * robot.gravity * shift / height
     layer, _ = make_layer("com_wrench", robot, HZ, kind_of(robot), {"velocity_of": "com"})
     assert layer.moment_priority == 0.05 and layer.law.constants.gains.small_errors == 0.0
 
