@@ -62,6 +62,7 @@ class JointPosition(Memoryless):
         damping_ratio: DampingRatio = _DAMPING_RATIO,
         scale: TargetScale = 0.3,
         pendulum: bool | None = None,
+        leg_weight: bool = True,
         loop_delay: LoopDelay = 0.0,
         in_drives: bool | None = None,
     ) -> "JointPosition":
@@ -85,6 +86,8 @@ class JointPosition(Memoryless):
             pendulum: whether legs carry the weight along the line from the target's centre of
                 pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
                 the home stance. Default: where feet leave the ground.
+            leg_weight: whether a pendulum's legs on points that step also hold what they weigh
+                themselves, as in the home posture. On soles they always do.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
             in_drives: whether the motors' drives close the PD loop, as on most legged robots: they
                 answer their joints at once, and what waits for a delay is their targets. Default:
@@ -121,7 +124,7 @@ class JointPosition(Memoryless):
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
         home, hold = home_target(robot) if at_home else None, holding_torque(robot)
-        carries = Pendulum.of(robot, kind, hold, links=False) if falls else None
+        carries = Pendulum.of(robot, kind, leg_weight=leg_weight) if falls else None
         return cls(robot, motion, home, hold, carries, fed_drag(robot, gains), scale, in_drives)
 
     @property

@@ -8,8 +8,8 @@ h above p, the ground's force goes from p to c (`fbid_gym.motions.gait.divergent
 where cdd_target is the gait's. Standing feet share it by what they may bear, so that p is where
 they push together; what is left of p beside them turns soles. tau = -J^T f holds it: that is how
 ankles answer errors of the velocity, by the gait's law for p. It takes places, Jacobians and the
-weight, no mass matrix. Gravity compensation adds what each link weighs beside this: g dc_z/dq for
-every joint, of which the first rows of M are m times (dc/dq).
+weight, no mass matrix. What each link weighs beside this is g dc_z/dq for every joint,
+of which the first rows of M are m times (dc/dq): it is held as in the home posture, or compensated.
 """
 
 from typing import NamedTuple
@@ -41,16 +41,14 @@ class Pendulum(NamedTuple):
     rest: np.ndarray  # (n,) N·m, held besides
 
     @classmethod
-    def of(cls, robot: Robot, kind: MotionKind, hold: np.ndarray, *, links: bool) -> "Pendulum":
-        """Return that of a robot whose joints `hold` (n,) N·m at home.
-
-        Without `links` it also holds the home stance, unless point feet step: there they push
-        against each other, which those that are left cannot.
-        """
+    def of(
+        cls, robot: Robot, kind: MotionKind, *, links: bool = False, leg_weight: bool = True
+    ) -> "Pendulum":
+        """Return that of a robot; see `JointPosition.of` for `leg_weight`."""
         stance, still = Stance.of(robot), np.zeros((1, robot.nv))
         none = np.zeros((1, robot.num_joints))
         springs = give_back(PassiveJoints.of(robot), none, robot.home_qpos[None], still)[0]
-        carries = stance.legs.any(axis=0) | links
+        heavy = leg_weight or robot.has_soles or not kind.steps
         own = cls(
             weight=robot.weight,
             gravity=robot.gravity,
@@ -59,12 +57,14 @@ class Pendulum(NamedTuple):
             soles=bool(robot.has_soles),
             links=links,
             legs=stance.legs,
-            rest=np.where(carries, springs, hold),
+            rest=springs,
         )
-        if links or (kind.steps and not robot.has_soles):
+        if links:
             return own
-        left = hold - carry(own, home_target(robot), stance.terms)[0]
-        return own._replace(rest=own.rest + left)
+        home, all_links = home_target(robot), own._replace(links=True)
+        weight = carry(all_links, home, stance.terms)[0] - carry(own, home, stance.terms)[0]
+        held = np.logical_not(stance.legs.any(axis=0)) | heavy
+        return own._replace(rest=springs + np.where(held, weight, 0.0))
 
 
 @kernel

@@ -14,7 +14,6 @@ from fbid_gym.actions.joint_gains import (
     fed_drag,
     greatest_share,
     growth,
-    holding_torque,
     missing_damping,
     sampled_growth,
 )
@@ -87,6 +86,7 @@ class TaskSpacePosition(Memoryless):
         kind: MotionKind,
         *,
         gravity: bool = False,
+        leg_weight: bool = True,
         natural_frequency: Frequency | None = None,
         damping_ratio: DampingRatio = 1.0,
         loop_delay: LoopDelay = 0.0,
@@ -102,6 +102,7 @@ class TaskSpacePosition(Memoryless):
             gravity: whether the weight of every link is compensated where the robot is, with the
                 ground's forces where the target has the centre of pressure. Else the feet carry the
                 robot as a pendulum.
+            leg_weight: see `JointPosition.of`.
             natural_frequency: f in Hz. Default: 3.4 times that at which it falls, see `Falling`,
                 2.5 times on soles on a gait.
             damping_ratio: zeta of the joints.
@@ -116,7 +117,7 @@ class TaskSpacePosition(Memoryless):
         frequency = natural_frequency or default_frequency(kind, robot)
         joints = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         legs = legs_of(robot, default_gains(robot, kind), aware=False, calm=0.0)
-        height, hold = float(Stance.of(robot).home_com[2]), holding_torque(robot)
+        height = float(Stance.of(robot).home_com[2])
         own = Stance.of(robot).legs.any(axis=0)
         held = fed_drag(robot, joints._replace(stiffness=np.where(own, 0.0, joints.stiffness)))
         stiffness = _stiffness(robot, control_hz, joints, held, loop_delay)
@@ -124,7 +125,7 @@ class TaskSpacePosition(Memoryless):
         return cls(
             robot=robot,
             reach=Reach(legs._replace(calm=calm), stiffness, held, scale * height),
-            pendulum=Pendulum.of(robot, kind, hold, links=gravity),
+            pendulum=Pendulum.of(robot, kind, links=gravity, leg_weight=leg_weight),
             scale=np.repeat([scale * height, rotation_scale], 3),
             natural_frequency=joints.natural_frequency,
         )

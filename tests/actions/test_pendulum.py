@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.actions.pendulum import Pendulum, carry
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.target import MotionKind, standing_target
+from fbid_gym.motions.target import MotionKind, home_target, standing_target
 from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of
 
@@ -29,7 +28,7 @@ def standing(robot, rng, links):
     terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((3, robot.nv)))
     target = standing_target(terms, robot.home_qpos)
     kind = MotionKind(True, OMEGA)
-    return Pendulum.of(robot, kind, holding_torque(robot), links=links), target, terms
+    return Pendulum.of(robot, kind, links=links), target, terms
 
 
 def test_gravity_compensation_is_an_equilibrium(robot, rng):
@@ -45,6 +44,19 @@ def test_gravity_compensation_is_an_equilibrium(robot, rng):
         np.testing.assert_allclose(jacobian.T @ force, left, atol=1e-6 * robot.weight)
         vertical = force.reshape(-1, rows)[:, 2]
         assert (vertical > 0.0).all() and vertical.sum() == pytest.approx(robot.weight)
+
+
+def test_legs_hold_their_own_weight_as_at_home(robot):
+    """There that is gravity compensation; told not to, legs on points that step leave it out."""
+    stance, kind = Stance.of(robot), MotionKind(True, OMEGA)
+    held, whole, massless = (
+        carry(Pendulum.of(robot, kind, **told), home_target(robot), stance.terms)[0]
+        for told in ({}, {"links": True}, {"leg_weight": False})
+    )
+    np.testing.assert_allclose(held, whole, atol=1e-9 * robot.weight)
+    legs, own = stance.legs.any(axis=0), robot.gravity * stance.terms.mass_matrix[0, 2, 6:]
+    left = np.where(legs & np.logical_not(robot.has_soles), own, 0.0)
+    np.testing.assert_allclose(held - massless, left, atol=1e-9 * robot.weight)
 
 
 def test_one_foot_pushes_from_the_centre_of_pressure_to_the_centre_of_mass(rng):

@@ -16,7 +16,7 @@ from train.runs.folder import RunFolder
 from train.runs.proportional import named
 from train.runs.robots import of_policy
 
-_BEFORE = {"pendulum": False, "velocity_of": "com"}
+_BEFORE = {"pendulum": False, "velocity_of": "com", "leg_weight": False}
 """Options of layers that are younger than some policies, as layers were before them."""
 
 
