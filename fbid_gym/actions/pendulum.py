@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
@@ -48,7 +49,6 @@ class Pendulum(NamedTuple):
         stance, still = Stance.of(robot), np.zeros((1, robot.nv))
         none = np.zeros((1, robot.num_joints))
         springs = give_back(PassiveJoints.of(robot), none, robot.home_qpos[None], still)[0]
-        heavy = leg_weight or robot.has_soles or not kind.steps
         own = cls(
             weight=robot.weight,
             gravity=robot.gravity,
@@ -61,10 +61,12 @@ class Pendulum(NamedTuple):
         )
         if links:
             return own
-        home, all_links = home_target(robot), own._replace(links=True)
-        weight = carry(all_links, home, stance.terms)[0] - carry(own, home, stance.terms)[0]
-        held = np.logical_not(stance.legs.any(axis=0)) | heavy
-        return own._replace(rest=springs + np.where(held, weight, 0.0))
+        home, whole = home_target(robot), holding_torque(robot)
+        if leg_weight:
+            whole = carry(own._replace(links=True), home, stance.terms)[0]
+        left = whole - carry(own, home, stance.terms)[0]
+        massless = kind.steps and not (robot.has_soles or leg_weight)
+        return own._replace(rest=springs + np.where(stance.legs.any(axis=0) & massless, 0.0, left))
 
 
 @kernel
