@@ -102,7 +102,7 @@ class TaskSpacePosition(Memoryless):
             gravity: whether the weight of every link is compensated where the robot is, with the
                 ground's forces where the target has the centre of pressure. Else the feet carry the
                 robot as a pendulum.
-            leg_weight: see `JointPosition.of`.
+            leg_weight: whether a pendulum's legs also hold their own weight, see `joint_position`.
             natural_frequency: f in Hz. Default: 3.4 times that at which it falls, see `Falling`,
                 2.5 times on soles on a gait.
             damping_ratio: zeta of the joints.

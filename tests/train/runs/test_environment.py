@@ -71,6 +71,16 @@ def test_a_run_of_before_damps_the_velocity_of_the_centre_of_mass(tmp_path):
     assert as_trained(run.folder.path, {})["layer_options"] == before
 
 
+def test_a_run_of_before_has_legs_that_do_not_hold_their_own_weight(tmp_path):
+    walk = {"env": "fbid_gym/QuadrupedWalk-v0", "action_layer": "joint_position"}
+    with open_run(stand_in.config(tmp_path / "run", **walk)) as run:
+        run.begin()
+    options = read_json(run.folder.environment)["layer_options"]
+    assert options.pop("leg_weight")
+    rewrite(run.folder.environment, layer_options=options)
+    assert as_trained(run.folder.path, {})["layer_options"] == {"leg_weight": False}
+
+
 def test_options_of_the_layer_are_those_of_the_training(began):
     """Whatever is the default today; those that there are no more are passed over."""
     arguments = read_json(began / "config.json")["env_args"]
