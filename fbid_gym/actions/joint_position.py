@@ -86,8 +86,8 @@ class JointPosition(Memoryless):
             pendulum: whether legs carry the weight along the line from the target's centre of
                 pressure to the centre of mass, and stiff ankles yield to it; else by the torques of
                 the home stance. Default: where feet leave the ground.
-            leg_weight: whether a pendulum's legs also hold their own weight, as in the home posture;
-                else, as before, nothing on points, on soles the least torques of the home stance.
+            leg_weight: whether a pendulum's legs also hold their own weight, as in the home pose;
+                else, as in older runs, points hold nothing, soles the home stance's least torques.
             loop_delay: s from the state to the torque that answers it, for which gains are steady.
             in_drives: whether the motors' drives close the PD loop, as on most legged robots: they
                 answer their joints at once, and what waits for a delay is their targets. Default:
