@@ -6,6 +6,7 @@ on a curve.
 """
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -98,7 +99,8 @@ def panel(
     """
     series = [item for item in series if np.isfinite(item.value).any()]
     names = [item.name for item in series]
-    with axes_of(WIDTH, HEIGHT, title, names, (44.0, 118.0, 30.0, _BOTTOM)) as (axes, drawn):
+    height = max(HEIGHT, sum(map(_height, names)) + 52.0)  # no name beside the ticks, or below
+    with axes_of(WIDTH, height, title, names, (44.0, 118.0, 30.0, _BOTTOM)) as (axes, drawn):
         axes.set_xlabel(x_title, loc="right", color=COLOUR["soft"])
         for item in series:
             _curve(axes, item)
@@ -122,7 +124,7 @@ def panel(
         axes.xaxis.set_major_formatter(TickLabels(x_format))
         axes.yaxis.set_major_formatter(TickLabels(y_format))
         if series:
-            _name_ends(axes, series)
+            _name_ends(axes, series, height)
     return drawn[0]
 
 
@@ -140,24 +142,31 @@ def _curve(axes: Axes, item: Series) -> None:
               markersize=5.5, markeredgecolor=COLOUR["paper"], clip_on=not dots)  # fmt: skip
 
 
-def _name_ends(axes: Axes, series: Sequence[Series]) -> None:
+def _name_ends(axes: Axes, series: Sequence[Series], height: float) -> None:
     """Write names into the margin, as near to the ends of their curves as others leave room."""
     named = []
     for item in series:
         known = np.asarray(item.value, float)[np.isfinite(item.value)]
         named.append((item.name.replace("_", " "), f"c{item.colour}", float(known[-1])))
-    scale = axes.get_position().height * HEIGHT
-    wrapped = [textwrap.wrap(name, 18, break_long_words=False) or [""] for name, _, _ in named]
-    heights = [_LINE * len(lines) + 3.0 for lines in wrapped]
+    scale = axes.get_position().height * height
+    wrapped = [_wrapped(name) for name, _, _ in named]
+    heights = [_height(name) for name, _, _ in named]
     at = axes.transAxes.inverted().transform(axes.transData.transform([(0, y) for *_, y in named]))
-    low = scale + (4.0 if sum(heights) < scale + 14.0 else _BOTTOM - 8.0)  # clear of the ticks
-    centres = apart(scale * (1.0 - at[:, 1]), heights, -10.0, low)
+    centres = apart(scale * (1.0 - at[:, 1]), heights, -10.0, scale + 4.0)  # clear of the ticks
     for (_, colour, _), lines, centre in zip(named, wrapped, centres, strict=True):
         for k, line in enumerate(lines):
             below = centre + _LINE * (k - 0.5 * (len(lines) - 1))
             axes.annotate(line, (1.0, 1.0), (6.0, -below), xycoords="axes fraction",
                           textcoords="offset points", va="center_baseline",
                           color=COLOUR[colour], weight="bold")  # fmt: skip
+
+
+def _wrapped(name: str) -> list[str]:
+    return textwrap.wrap(name.replace("_", " "), 18, break_long_words=False) or [""]
+
+
+def _height(name: str) -> float:
+    return _LINE * len(_wrapped(name)) + 3.0
 
 
 def apart(
@@ -318,12 +327,14 @@ def polar(
 
 def sheet(panels: Sequence[str], columns: int = 2) -> str:
     """Return panels side by side as one SVG file, which brings its style along."""
-    across, down = WIDTH + _GAP, HEIGHT + _GAP
+    found = [re.search(r'viewBox="0 0 \S+ ([^"]+)"', part) for part in panels]
+    heights = [float(box[1]) if box else HEIGHT for box in found]
+    across, down = WIDTH + _GAP, max(heights, default=HEIGHT) + _GAP
     width, height = columns * across, -(-len(panels) // columns) * down
     placed = []
-    for index, part in enumerate(panels):
+    for index, (part, own) in enumerate(zip(panels, heights, strict=True)):
         x, y = across * (index % columns) + _GAP / 2, down * (index // columns) + _GAP / 2
-        where = f'x="{x:.0f}" y="{y:.0f}" width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
+        where = f'x="{x:.0f}" y="{y:.0f}" width="{WIDTH:.0f}" height="{own:.0f}"'
         placed.append(str(part).replace("<svg ", f"<svg {where} ", 1))
     return (
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '

@@ -52,6 +52,14 @@ def test_no_name_stands_in_the_axes():
         assert float(x) > end and 0.0 < float(y) < HEIGHT
 
 
+def test_a_panel_is_high_enough_for_all_names():
+    svg = panel([Series(f"name {k:02d}", 1, X, Y) for k in range(30)], "Error", "steps")
+    height = float(re.findall(r'viewBox="0 0 \S+ ([\d.]+)"', svg)[0])
+    below = [float(y) for y in re.findall(r'y="([\d.]+)"[^>]*>name \d\d</text>', svg)]
+    assert len(below) == 30 and max(below) < height - 30.0  # above the ticks
+    assert f'height="{height:.0f}"' in sheet([svg])
+
+
 def test_what_files_say_is_text(rng):
     evil = '<b x="1">$x$ & co'
     shown = "&lt;b x=&quot;1&quot;&gt;$x$ &amp; co"
