@@ -147,7 +147,7 @@ def _name_ends(axes: Axes, series: Sequence[Series], height: float) -> None:
     named = []
     for item in series:
         known = np.asarray(item.value, float)[np.isfinite(item.value)]
-        named.append((item.name.replace("_", " "), f"c{item.colour}", float(known[-1])))
+        named.append((item.name, f"c{item.colour}", float(known[-1])))
     scale = axes.get_position().height * height
     wrapped = [_wrapped(name) for name, _, _ in named]
     heights = [_height(name) for name, _, _ in named]

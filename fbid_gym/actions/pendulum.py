@@ -61,9 +61,8 @@ class Pendulum(NamedTuple):
         )
         if links:
             return own
-        home, whole = home_target(robot), holding_torque(robot)
-        if leg_weight:
-            whole = carry(own._replace(links=True), home, stance.terms)[0]
+        home, compensated = home_target(robot), own._replace(links=True)
+        whole = carry(compensated, home, stance.terms)[0] if leg_weight else holding_torque(robot)
         left = whole - carry(own, home, stance.terms)[0]
         massless = kind.steps and not (robot.has_soles or leg_weight)
         return own._replace(rest=springs + np.where(stance.legs.any(axis=0) & massless, 0.0, left))
