@@ -71,7 +71,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         # Whoever makes the environments may have brought a robot, too.
         brought = () if robot is None else (robot,)
         trained_on: tuple[Robot, ...] = getattr(robots, "robots", brought)
-        check_trainable(trained_on)
+        check_trainable([robot.name for robot in trained_on])
         if len(trained_on) == 1:
             robot = trained_on[0].as_loaded
         own = None if robot is None or is_built_in(robot) else robot

@@ -43,6 +43,8 @@ def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> Tra
         if word.startswith(others):
             raise InvalidValueError("option", word, f"those of train.{algorithm}")
     chosen, rest = _chosen(given)
+    if "--robots" in given and ([*given, "--"][given.index("--robots") + 1]).startswith("--"):
+        raise InvalidValueError("--robots", "()", "at least one robot")
     begun, network = _begun(chosen.start)
     env, layer, layer_options = (getattr(chosen, x) or begun[x] for x in ("env", *LAYER_ARGS))
     usual = config_for(env, layer, layer_options, chosen.recipe, algorithm=algorithm)

@@ -68,12 +68,12 @@ def with_robots(config: TrainConfig) -> TrainConfig:
     return replace(config, env_args=names, robots=())
 
 
-def check_trainable(robots: Sequence[Robot]) -> None:
-    """Raise InvalidValueError for a drawn robot that is for tests."""
-    for robot in robots:
-        if robot.name.startswith(ZOO) and is_held_out(robot.name):
+def check_trainable(names: Sequence[str]) -> None:
+    """Raise InvalidValueError for the name of a drawn robot that is for tests."""
+    for name in names:
+        if is_held_out(name):
             expected = f"seeds below {HELD_OUT}; the others are for tests"
-            raise InvalidValueError("robot to train on", robot.name, expected)
+            raise InvalidValueError("robot to train on", name, expected)
 
 
 def is_built_in(robot: Robot) -> bool:

@@ -48,6 +48,7 @@ from typing import Any, NamedTuple
 
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from fbid_gym.options import Whole
+from fbid_gym.robots.several import each_name
 from train.recipes import SETTINGS, check, config_for, merged, valid_settings
 from train.runs.config import ALGORITHMS, SEED, TrainConfig
 from train.runs.differences import in_words, run_differences
@@ -56,7 +57,7 @@ from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.opening import continued
 from train.runs.proportional import GAIN, check_unlearnt
-from train.runs.robots import chosen, with_robot, with_robots
+from train.runs.robots import check_trainable, chosen, with_robot, with_robots
 from train.runs.training import is_finished
 
 _OF_LEARNING = ("robots", "seeds", "recipe", "algorithm", "start")
@@ -249,6 +250,10 @@ def _cells(
     if not isinstance(robot, str | None):
         raise RunError(f"{path}: robot of arm {arm['name']!r} is {robot!r}. Expected a name.")
     robots = _names(path, arm.get("robots", []), f"robots of arm {arm['name']!r}")
+    if "robots" in arm and not robots:
+        raise InvalidValueError(f"robots of arm {arm['name']!r}", [], "at least one")
+    if not policy:
+        check_trainable(each_name((*robots, *([] if robot is None else [robot]))))
     usual = config_for(
         *(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe")),
         algorithm=arm.get("algorithm", "ppo"),

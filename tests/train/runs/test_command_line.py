@@ -64,6 +64,12 @@ def test_options_of_another_algorithm_are_refused():
         stored_options({**TrainConfig().to_json(), "algorithm": "dqn"}, FOLDER)
 
 
+@pytest.mark.parametrize("then", [[], ["--seed", "3"]])
+def test_no_robots_are_refused_where_a_list_of_them_is_begun(then):
+    with pytest.raises(FbidError, match="at least one robot"):
+        parse(["--robots", *then])
+
+
 def test_options_say_only_what_is_not_the_default():
     assert options(USUAL) == ()
     own = replace(USUAL, seed=3, ppo=replace(USUAL.ppo, gamma=0.9))

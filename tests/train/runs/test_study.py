@@ -128,6 +128,8 @@ def test_arms_may_say_what_learns_and_on_which_robot(tmp_path):
         (f"{ARM}seeds = []", "seeds of arm 'a' are []. Expected a list."),
         (f"seeds = [-1]\n{ARM}", "Invalid seed of arm 'a': -1. Expected a whole number from 0"),
         (f"{ARM}env_args = 3", "env_args of arm 'a' is 3. Expected a table."),
+        (f"{ARM}robots = []", "Invalid robots of arm 'a': []. Expected at least one."),
+        (f"{ARM}robots = ['zoo:7', 'zoo:biped:990-1000']", "'zoo:biped:1000'. Expected seeds bel"),
         (f"{ARM}sac = {{ tau = 0.1 }}", "setting of arm 'a': 'sac'. Expected those of 'ppo'"),
         (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: balance, walk, none."),
         (ARM.replace('"a"', '"../a"'), "arm '../a' cannot name a folder."),
