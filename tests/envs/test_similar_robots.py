@@ -3,6 +3,8 @@
 Nor is where in its body a robot's base has its origin, nor how its axes lie.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ STEPS = 4
 
 
 def rollout(
-    name: str, size: float, env: str, commands: str, layer: str, density: float = 1.0
+    name: str, size: float, env: str, commands: str, layer: str, density: float = 1.0, **args: Any
 ) -> list[np.ndarray]:
     """Postures, torques, rewards and the body's view of two robots, in units of those of size 1."""
     base, time = ENVIRONMENTS[f"fbid_gym/{env}-v0"], np.sqrt(size)
@@ -46,6 +48,7 @@ def rollout(
         "push_interval": (0.04 * time, 0.06 * time),
         "push_duration": 0.02 * time,
         commands: (2.0 * time, 4.0 * time),
+        **args,
     }
     batch = started(base | own, 2)
     rng, seen = np.random.default_rng(7), []
@@ -67,11 +70,23 @@ def test_size_is_unknown(name, env, commands, layer, size):
         np.testing.assert_allclose(value, expected, rtol=2e-4, atol=2e-4)
 
 
-def test_mass_length_and_time_are_unknown_to_the_last_digits():
+@pytest.mark.parametrize(
+    ("name", "env", "layer", "size", "density", "units"),
+    [
+        ("go1", "QuadrupedWalk", "base_acceleration", 4.0, 2.0, "contacts"),
+        ("go1", "QuadrupedWalk", "com_wrench", 0.25, 0.5, "robot"),
+        ("biped", "BipedWalk", "base_acceleration", 4.0, 2.0, "robot"),
+    ],
+)
+def test_mass_length_and_time_are_unknown_to_the_last_digits(
+    name, env, layer, size, density, units
+):
     """Four times as long is twice as slow, in numbers without rounding."""
-    case = ("QuadrupedWalk", "command_interval", "base_acceleration")
-    own = rollout("go1", 1.0, *case)
-    other = rollout("go1", 4.0, *case, density=2.0)
+    options = {"action_units": units}
+    own, other = (
+        rollout(name, own, env, "command_interval", layer, made_of, layer_options=options)
+        for own, made_of in ((1.0, 1.0), (size, density))
+    )
     for expected, value in zip(own, other, strict=True):
         np.testing.assert_allclose(value, expected, rtol=1e-6, atol=1e-6)
 
