@@ -29,11 +29,16 @@ class Curve(NamedTuple):
 def curve(arm: Arm, column: str) -> Curve:
     """Return a column of the evaluations, over steps and seeds; NaN where it is not known.
 
-    The finished cells count; where there is none, all do, as far as they have come together.
+    "fallen" counts falls in training until then. The finished cells count; where there is none, all
+    do, as far as they have come together.
     """
     cells = arm.finished() or arm.cells
     files = [RunFolder.of(cell.config.folder).evaluations for cell in cells]
-    tables = [table for file in files if (table := read_columns(file))]
+    tables = [
+        table | {"fallen": fallen(file.parent, table["steps"])}
+        for file in files
+        if (table := read_columns(file))
+    ]
     # a training that goes on beyond what it was to take was evaluated once more there.
     common = [set(table["steps"].tolist()) for table in tables]
     steps = np.array(sorted(set.intersection(*common)) if common else [])

@@ -7,13 +7,14 @@ trainings can be set against it.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from eval.comparable import check_unseen
+from eval.robustness.arms import environment
 from eval.rollout import Player, play_player
 from eval.study.cells import policy_digest
 from fbid_gym.errors import RunError
@@ -33,7 +34,9 @@ _EACH = {"return_mean": "returned", "survival": "survived"} | {
 }
 """Column -> that of `Episodes` it is the mean of."""
 _MOST_KEPT = 8192  # episodes; the values of more are no field of a CSV file
-_COLUMNS = ("run", "policy", "commit", *_MEASURED, *(f"{name}_each" for name in _EACH))
+PUSHED = {"survival_pushed": 1.0, "survival_pushed_harder": 1.5}
+"""Column -> every push of its episodes, in the greatest of the environment."""
+_COLUMNS = ("run", "policy", "commit", *_MEASURED, *PUSHED, *(f"{name}_each" for name in _EACH))
 
 OF_EPISODES = ("height_error", "torque", "power", "foothold_error")
 """Columns of `Episodes` that are measured besides, and not kept."""
@@ -63,7 +66,8 @@ class Played(NamedTuple):
         """Read a row of what is kept."""
         each = {name: row.get(f"{name}_each") or "" for name in _EACH}
         return cls(
-            {name: np.array([float(row[name])]) for name in _MEASURED},
+            {name: np.array([float(row[name])]) for name in _MEASURED}
+            | {name: np.array([float(row[name])]) for name in PUSHED if row.get(name)},
             {name: np.array(its.split(), float) for name, its in each.items() if its},
         )
 
@@ -118,16 +122,22 @@ def measure(study: Study, episodes: int, tell: Tell) -> None:
     for cell in study.unlearnt:
         its = cell.config.eval
         wanted.append((level_file(study), cell, its.seed, its.episodes))
-    waiting = [each for each in wanted if _of_today(rows[each[0]], each[1]) is None]
-    for cell in (cell for _, cell, *_ in waiting if not cell.policy):
+    known = [_of_today(rows[kept_in], cell) for kept_in, cell, *_ in wanted]
+    waiting = [
+        (its, *each)
+        for its, each in zip(known, wanted, strict=True)
+        if its is None or (each[0] is file and not all(its.get(name) for name in PUSHED))
+    ]
+    for cell in (cell for _, _, cell, *_ in waiting if not cell.policy):
         check_unseen(FIRST_SEED, episodes, cell.config.to_json(), cell.config.folder)
-    known = versions()  # of what plays
-    commit = str(known["commit"] or "unknown")[:12]
-    played_with = f"{commit} and changes" if known["uncommitted_changes"] else commit
-    for k, (kept_in, cell, seed, count) in enumerate(waiting):
+    now = versions()  # of what plays
+    commit = str(now["commit"] or "unknown")[:12]
+    played_with = f"{commit} and changes" if now["uncommitted_changes"] else commit
+    for k, (there, kept_in, cell, seed, count) in enumerate(waiting):
         name, its_rows = cell.config.folder.name, rows[kept_in]
         tell(k, len(waiting), name)
-        its_rows[name] = {"run": name, "commit": played_with} | _played(cell, seed, count)
+        row = there or {"run": name, "commit": played_with} | _played(cell, seed, count)
+        its_rows[name] = row | (_pushed(cell, seed, count) if kept_in is file else {})
         table = [dict.fromkeys(_COLUMNS, "") | its_rows[run] for run in sorted(its_rows)]
         write(kept_in, to_csv(_COLUMNS, table))
 
@@ -139,6 +149,17 @@ def _played(cell: Cell, seed: int, count: int) -> dict[str, str]:
     row |= {name: repr(its.means[name].item()) for name in _MEASURED}
     for column in _EACH if count <= _MOST_KEPT else ():
         row[f"{column}_each"] = " ".join(f"{value:.7g}" for value in its.each[column])
+    return row
+
+
+def _pushed(cell: Cell, seed: int, count: int) -> dict[str, str]:
+    """Return which share stays up under hard pushes, as columns; NaN where there are none."""
+    player = Player.of_cell(cell)
+    greatest, row = environment(player).resolved()["push_weights"][1], dict.fromkeys(PUSHED, "nan")
+    for column, share in PUSHED.items() if greatest else ():
+        args = player.env_args | {"push_force": None, "push_weights": (share * greatest,) * 2}
+        survived = play_player(replace(player, env_args=args), count, seed, count).survived
+        row[column] = repr(float(survived.mean()))
     return row
 
 

@@ -109,13 +109,22 @@ _FORMS: dict[str, Form] = {
     "return_mean": number,
 }
 """Columns of the evaluations behind the last three, and how these are written."""
+_FRESH: dict[str, tuple[str, Form]] = {
+    "return_mean": ("Return", number),
+    "velocity_error": ("Velocity error (m/s)", "{:.3f}".format),
+    "turning_error": ("Yaw rate error (rad/s)", "{:.3f}".format),
+    "slip": ("Slip (m/s)", "{:.3f}".format),
+    "cost_of_transport": ("Cost of transport", "{:.2f}".format),
+    "survival_pushed": ("Up, every push the greatest", percent),
+    "survival_pushed_harder": ("Up, 1.5 times that", percent),
+}
+"""Columns of fresh episodes: what they are called, and how they are written."""
 
 
 def table(study: Study) -> str:
     """Return what the arms came to, as Markdown: before -> after, (least to greatest seed)."""
     (played, _), levels = fresh.kept(study), fresh.levels(study)
-    head = (*_HEAD, "Steps to the best return without training") if levels else _HEAD
-    head = (*head, "Falls in fresh episodes") if played else head
+    head = (*_HEAD, "To the best return without training") if levels else _HEAD
     rows = []
     for arm in arms(study):
         its = levels.get(arm.cells[0].config.folder.name)
@@ -123,12 +132,39 @@ def table(study: Study) -> str:
         cells += ["no training", "–", *_unlearnt(its)] if arm.policy else _trained(arm)
         if levels:
             cells.append("–" if arm.policy else _reaching(arm, study, levels))
-        if played:
-            runs = [cell.config.folder.name for cell in arm.cells]
-            known = [played[run] for run in runs if run in played]
-            cells.append(str(fresh.Falls.of(known)) if known else "–")
         rows.append(cells)
-    return markdown_table(head, rows)
+    return "\n\n".join([markdown_table(head, rows), *_in_fresh_episodes(study, played)])
+
+
+def _in_fresh_episodes(study: Study, played: Mapping[str, Played]) -> Iterator[str]:
+    """Yield a table of the arms in fresh episodes, if they have played any, and what it is."""
+    of_arms = [
+        (
+            arm,
+            [
+                played[name]
+                for name in (cell.config.folder.name for cell in arm.cells)
+                if name in played
+            ],
+        )
+        for arm in arms(study)
+    ]
+    forms = {
+        name: (title, form)
+        for name, (title, form) in _FRESH.items()
+        if any(np.isfinite(its.means.get(name, np.nan)).all() for its in played.values())
+    }
+    rows = []
+    for arm, its in ((arm, its) for arm, its in of_arms if its):
+        cells = [environment_name(arm.env), arm.name, str(len(its)), str(fresh.Falls.of(its))]
+        for name, (_, form) in forms.items():
+            values = np.concatenate([one.means.get(name, np.array([np.nan])) for one in its])
+            cells.append(over_seeds(values, form) if np.isfinite(values).all() else "–")
+        rows.append(cells)
+    if rows:
+        head = ("Environment", "Arm", "Runs", "Falls", *(title for title, _ in forms.values()))
+        yield "In fresh episodes:"
+        yield markdown_table(head, rows)
 
 
 def _trained(arm: Arm) -> list[str]:
@@ -143,7 +179,10 @@ def _trained(arm: Arm) -> list[str]:
 
 
 def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
-    """Write when the return first reaches that of the best that learns nothing, median of seeds."""
+    """Write when the return first reaches that of the best that learns nothing, medians of seeds.
+
+    In steps, minutes of the machine that trained, and falls in training.
+    """
     shares = [
         levels[other.cells[0].config.folder.name].means["return_mean"].item() / _most(other)
         for other in arms(study)
@@ -152,10 +191,22 @@ def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
     steps, returns = curve(arm, "return_mean")
     if not shares or not returns.size:
         return "–"
-    each = [first_crossing(steps, its / _most(arm), max(shares)) for its in returns]
-    reached, median = np.isfinite(each).sum(), np.median(each)
-    some = f" ({reached} of {len(each)})" if 0 < reached < len(each) else ""
-    return (steps_text(median) if np.isfinite(median) else "never") + some
+    each = {"steps": np.broadcast_to(steps, returns.shape)}
+    each |= {name: curve(arm, name).values for name in ("wall_seconds", "fallen")}
+    until = {
+        name: [
+            first_crossing(x, its / _most(arm), max(shares))
+            for x, its in zip(own, returns, strict=True)
+        ]
+        for name, own in each.items()
+    }
+    reached, median = np.isfinite(until["steps"]).sum(), np.median(until["steps"])
+    if not np.isfinite(median):
+        return f"never ({reached} of {len(returns)})" if reached else "never"
+    words = [steps_text(median), f"{np.median(until['wall_seconds']) / 60:.1f} min"]
+    if np.isfinite(fell := np.median(until["fallen"])):
+        words.append(f"{fell:.0f} falls")
+    return ", ".join(words) + (f" ({reached} of {len(returns)})" if reached < len(returns) else "")
 
 
 def _unlearnt(its: Played | None) -> list[str]:

@@ -10,13 +10,15 @@ import pytest
 from eval.rollout import Player, play_player
 from eval.study.__main__ import StudyConfig, main
 from eval.study.findings import findings
-from eval.study.fresh import FIRST_SEED, Falls, fresh_file, kept, measure
+from eval.study.fresh import FIRST_SEED, PUSHED, Falls, fresh_file, kept, measure
 from eval.study.tables import table
 from fbid_gym.errors import FbidError
+from fbid_gym.tasks import task_kind
 from tests.eval.conftest import zero_policy
 from tests.eval.study.small import FEW, fill
 from train.runs.folder import RunFolder
 from train.runs.reading import load
+from train.runs.tables import read_rows, to_csv
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +56,23 @@ def test_fresh_episodes_are_those_of_a_rollout_and_are_played_once(played):
             assert its.means[column].item() == pytest.approx(values.mean(), rel=1e-12)
             np.testing.assert_allclose(its.each[column], values, rtol=1e-6)
         falls.append(3 - int(episodes.survived.sum()))
+        for column, share in PUSHED.items():
+            weights = (share * task_kind("walk").push[1],) * 2
+            pushed = play_player(Player.of(load(folder), push_weights=weights), 3, FIRST_SEED)
+            assert its.means[column].item() == pushed.survived.mean()
     assert sorted(falls) == [0, 3]
     assert Falls.of(list(found.values())) == Falls(3, 6) and str(Falls(12, 3456)) == "12 of 3,456"
     before, again = fresh_file(played).read_bytes(), []
     measure(played, 3, lambda *told: again.append(told))
     assert (again, fresh_file(played).read_bytes()) == ([], before)
+    # Of a table that was kept before pushes were played, these alone are played.
+    rows = read_rows(fresh_file(played))
+    older = [name for name in rows[0] if name not in PUSHED]
+    changed = [{name: "7.5" if name == "slip" else row[name] for name in older} for row in rows]
+    fresh_file(played).write_text(to_csv(older, changed))
+    measure(played, 3, lambda *told: again.append(told))
+    now = read_rows(fresh_file(played))
+    assert len(again) == 2 and now == [row | {"slip": "7.5"} for row in rows]
 
 
 def test_fresh_episodes_are_on_the_page_and_in_the_table(played, tmp_path):
@@ -67,8 +81,9 @@ def test_fresh_episodes_are_on_the_page_and_in_the_table(played, tmp_path):
     assert main(replace(config, fresh_episodes=3)) == 0
     assert "fell in 3 of 6 fresh episodes" in out.read_text()
     assert "<h3>In fresh episodes</h3>" in out.read_text()
-    first, second = table(played).splitlines()[2:]
-    assert first.endswith("| 3 of 6 |") and second.endswith("| – |")
+    *_, said, _, head, _, row = table(played).splitlines()
+    assert said == "In fresh episodes:" and "| Falls | Return | Velocity error (m/s) |" in head
+    assert row.startswith("| QuadrupedWalk-v0 | one | 2 | 3 of 6 |") and row.count("%") == 6
     told = json.loads(out.with_suffix(".json").read_text())["arms"][0]["fresh"]
     assert told["falls"] == {"fallen": 3, "episodes": 6} and told["each"]["falls"] == [0.0, 1.0]
     fresh_file(played).unlink()
