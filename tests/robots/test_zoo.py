@@ -15,9 +15,16 @@ from tests.postures import points, posed
 SEEDS = range(26, 38)  # all numbers of legs and joints, all feet and actuators
 
 
-@pytest.fixture(params=SEEDS)
+# Humanoids of five and six joints a leg, with motors and servos.
+@pytest.fixture(params=[*SEEDS, "humanoid:0", "humanoid:1", "humanoid:4"])
 def animal(request: pytest.FixtureRequest) -> zoo.Morphology:
-    return zoo.draw(request.param)
+    family, _, seed = str(request.param).rpartition(":")
+    return zoo.draw(int(seed), family)
+
+
+def torque_limits(animal: zoo.Morphology) -> list[float]:
+    """N·m, of each joint."""
+    return [zoo.torque_limit(animal, name) for name in animal.legs * animal.joint_names]
 
 
 def in_reference_pose(animal: zoo.Morphology) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -68,6 +75,21 @@ def test_knees_go_from_straight_to_folded(animal: zoo.Morphology) -> None:
             assert np.arccos(min(cosine, 1.0)) == pytest.approx(angle, abs=1e-6)
 
 
+def test_humanoids_are_as_those_that_one_can_buy() -> None:
+    animals = [zoo.draw(seed, "humanoid") for seed in range(40)]
+    assert {len(animal.joint_names) for animal in animals} == {5, 6}
+    assert {"hip_yaw", "ankle_pitch"} <= set(animals[0].joint_names) and animals[0].joints == 5
+    heights, weak = [], []
+    for animal in animals:
+        model, data = in_reference_pose(animal)
+        heights.append(data.subtree_com[1, 2] / animal.leg)
+        limits = torque_limits(animal)
+        weak.append(min(limits) / (animal.mass * 9.81 * animal.leg))
+        assert model.body_mass.sum() == pytest.approx(animal.mass)
+    assert 1.0 < min(heights) and max(heights) < 1.3
+    assert 0.1 <= min(weak) and max(weak) < 0.37
+
+
 def load_animal(animal: zoo.Morphology, feet: Any = None, home: Any = None) -> Robot:
     limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
     return Robot.from_mjcf(zoo.mjcf(animal), feet, home=home, torque_limit=limit)
@@ -76,8 +98,9 @@ def load_animal(animal: zoo.Morphology, feet: Any = None, home: Any = None) -> R
 def test_it_loads_as_drawn_by_the_bodies_of_its_feet(animal: zoo.Morphology) -> None:
     robot = load_animal(animal, animal.foot_names)
     assert robot.mass == pytest.approx(animal.mass)
-    np.testing.assert_allclose(robot.torque_limit, zoo.torque_limit(animal))
-    assert robot.home_qpos[2] == pytest.approx(robot.model.qpos0[2], abs=1e-9)
+    np.testing.assert_allclose(robot.torque_limit, torque_limits(animal))
+    lowered = robot.model.qpos0[2] - robot.home_qpos[2]  # straight legs bend to stand
+    assert abs(lowered) < 1e-9 or (animal.family and 0.0 < lowered < 0.1 * animal.leg)
     assert robot.check() == []
     model, data = in_reference_pose(animal)
     for foot, name in zip(robot.feet, animal.foot_names, strict=True):
@@ -94,7 +117,7 @@ def test_its_feet_are_found_and_its_servos_gains_kept(animal: zoo.Morphology) ->
     assert robot.foot_names == animal.foot_names
     assert (robot.servo_gains is not None) == (animal.actuators == "servo")
     if robot.servo_gains is not None:
-        stiffness = 4 * zoo.torque_limit(animal)
+        stiffness = 4 * np.array(torque_limits(animal))
         np.testing.assert_allclose(robot.servo_gains.stiffness, stiffness, rtol=1e-6)
 
 
