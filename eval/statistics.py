@@ -125,6 +125,25 @@ def difference(x: np.ndarray, y: np.ndarray, chance: Chance) -> Estimate:
     return chance.estimate([x, y], apart)
 
 
+def difference_over_episodes(x: np.ndarray, y: np.ndarray, chance: Chance) -> Estimate:
+    """Difference of the interquartile means over runs, each the mean of episodes all have played.
+
+    Runs of x (R, E) and of y (R', E), and the episodes that they share, are drawn with replacement,
+    so that the interval holds for other runs and other episodes. Two runs at least; or it has none.
+    """
+    rng, sides = chance.rng, (x, y)
+    value = float(np.subtract(*(interquartile_mean(side.mean(axis=1)) for side in sides)))
+    if min(map(len, sides)) < 2:
+        return Estimate(value)
+    drawn = np.empty(chance.samples)
+    for k in range(chance.samples):
+        shares = rng.multinomial(x.shape[1], np.full(x.shape[1], 1.0 / x.shape[1])) / x.shape[1]
+        means = [side[rng.integers(len(side), size=len(side))] @ shares for side in sides]
+        drawn[k] = np.subtract(*map(interquartile_mean, means))
+    tail = (1.0 - chance.confidence) / 2.0
+    return Estimate(value, *map(float, np.quantile(drawn, [tail, 1.0 - tail])))
+
+
 def over_tasks(values: Sequence[np.ndarray], chance: Chance) -> Estimate:
     """Mean over tasks of the interquartile mean over runs (R,): every task counts the same."""
 

@@ -124,7 +124,13 @@ def _answers(
         if unlearnt:
             known = _paired(pair, played, chance, measure)
         else:
-            known = st.difference(x, y, chance), st.p_value(x, y, chance.rng)
+            each = _by_episodes(pair, played, measure) if fresh_of_both else None
+            apart = (
+                st.difference(x, y, chance)
+                if each is None
+                else st.difference_over_episodes(*each, chance)
+            )
+            known = apart, st.p_value(x, y, chance.rng)
         if known is not None:
             means, which = (float(x.mean()), float(y.mean())), (asked.env, asked.arm, asked.against)
             its = Answer(
@@ -137,25 +143,34 @@ def _answers(
     return [replace(each, corrected=p) for each, p in zip(answers, corrected, strict=False)]
 
 
-def _paired(
-    pair: Sequence[ArmFound], played: Mapping[str, Played], chance: Chance, measure: Measure
-) -> tuple[Estimate, float] | None:
-    """Set two arms of which one learns nothing against each other by their fresh episodes.
+def _by_episodes(
+    pair: Sequence[ArmFound], played: Mapping[str, Played], measure: Measure
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return what two arms came to in their fresh episodes, (R, E) or (E,) of what learns nothing.
 
-    Of returns the shares of what can be earned, where arms decide at different rates. None where
-    the two have not played as many episodes, or what each came to was not kept.
+    Of returns the shares of what can be earned, where one learns nothing and they decide at
+    different rates. None where the two have not played as many episodes, or what each came to was
+    not kept.
     """
-    sides = []
+    sides, unlearnt = [], any(its.policy for its in pair)
     for its in pair:
         each = [played[run].each for run in its.fresh.runs] if its.fresh is not None else []
         values = [measure.of(columns) for columns in each if columns]
         if not values or len(values) < len(each):
             return None
-        per = its.most / pair[1].most if measure is RETURN and np.isfinite(its.most) else 1.0
+        shares = unlearnt and measure is RETURN and np.isfinite(its.most)
+        per = its.most / pair[1].most if shares else 1.0
         sides.append((values[0] if its.policy else np.array(values)) / per)
-    if sides[0].shape[-1] != sides[1].shape[-1]:
-        return None
-    return st.paired(sides[0], sides[1], chance.confidence)
+    one, other = sides
+    return None if one.shape[-1] != other.shape[-1] else (one, other)
+
+
+def _paired(
+    pair: Sequence[ArmFound], played: Mapping[str, Played], chance: Chance, measure: Measure
+) -> tuple[Estimate, float] | None:
+    """Set two arms of which one learns nothing against each other by their fresh episodes."""
+    each = _by_episodes(pair, played, measure)
+    return None if each is None else st.paired(*each, chance.confidence)
 
 
 def checked_reference(study: Study, reference: str | None) -> str:

@@ -15,12 +15,13 @@ from fbid_gym.robots.touching import bodies_of_feet
 _JOINT = mujoco.mjtJoint
 
 
-def lock_equal_limits(spec: mujoco.MjSpec, urdf: bytes) -> list[str]:
-    """Lock joints whose lower and upper limit a URDF gives, and gives as one; returns notes.
+def lock_equal_limits(spec: mujoco.MjSpec, model: mujoco.MjModel, urdf: bytes) -> list[str]:
+    """Lock joints whose lower and upper limit are one; returns notes.
 
-    MuJoCo ignores these limits.
+    MuJoCo ignores these limits. Of an MJCF those are given that are not 0.
     """
-    found = {}
+    named = {joint.name: joint.range for joint in spec.joints if joint.name}
+    found = {name: ends[0] for name, ends in named.items() if ends[0] == ends[1] != 0.0}
     with suppress(ElementTree.ParseError, ValueError):  # MuJoCo is less strict
         for joint in ElementTree.fromstring(urdf).iter("joint"):
             limit = joint.find("limit")
@@ -28,8 +29,13 @@ def lock_equal_limits(spec: mujoco.MjSpec, urdf: bytes) -> list[str]:
                 low, high = limit.get("lower"), limit.get("upper")
                 if low and high and float(low) == float(high):
                     found[joint.get("name", "")] = float(low)
-    locked = {joint: found[joint.name] for joint in spec.joints if joint.name in found}
-    return _lock(spec, locked, "whose limits are equal")
+    locked = {}
+    for joint in spec.joints:
+        if joint.name in found and joint.type in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE):
+            way = found[joint.name] - joint.ref
+            turns = joint.type == _JOINT.mjJNT_HINGE and spec.compiler.degree
+            locked[joint] = float(np.radians(way) if turns else way)
+    return _lock(spec, locked, "whose limits are equal", model)
 
 
 def lock_tied(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
@@ -77,33 +83,27 @@ def _joints_of_legs(model: mujoco.MjModel) -> set[str]:
 
 
 def _lock(
-    spec: mujoco.MjSpec,
-    locked: Mapping[mujoco.MjsJoint, float],
-    why: str,
-    model: mujoco.MjModel | None = None,
+    spec: mujoco.MjSpec, locked: Mapping[mujoco.MjsJoint, float], why: str, model: mujoco.MjModel
 ) -> list[str]:
-    """Take joints, and leave their bodies where the joints' values (rad, m) have them."""
+    """Take joints, and leave their bodies so far (rad, m) from the reference pose."""
     if not locked:
         return []
     names = [joint.name for joint in locked]
     for joint, value in locked.items():
-        _move(joint.parent, joint, value - joint.ref)
+        _move(joint.parent, joint, value)
     _forget(spec, list(locked), model)
     return [f"Joints locked, {why}: {listed(names)}."]
 
 
-def _forget(
-    spec: mujoco.MjSpec, joints: list[mujoco.MjsJoint], model: mujoco.MjModel | None
-) -> None:
+def _forget(spec: mujoco.MjSpec, joints: list[mujoco.MjsJoint], model: mujoco.MjModel) -> None:
     """Take joints, what acts on them, and their places in keyframes of a spec that is `model`."""
     names = {joint.name for joint in joints}
-    if model is not None:
-        gone = np.isin([model.joint(j).name for j in range(model.njnt)], list(names))
-        ends = [*model.jnt_qposadr[1:], model.nq]
-        kept = np.repeat(~gone, np.subtract(ends, model.jnt_qposadr))
-        for key in spec.keys:
-            key.qpos = np.array(key.qpos)[kept] if len(key.qpos) == model.nq else []
-            key.qvel, key.ctrl, key.act = [], [], []
+    gone = np.isin([model.joint(j).name for j in range(model.njnt)], list(names))
+    ends = [*model.jnt_qposadr[1:], model.nq]
+    kept = np.repeat(~gone, np.subtract(ends, model.jnt_qposadr))
+    for key in spec.keys:
+        key.qpos = np.array(key.qpos)[kept] if len(key.qpos) == model.nq else []
+        key.qvel, key.ctrl, key.act = [], [], []
     acting = [part for part in spec.actuators if part.target in names]
     seeing = [part for part in spec.sensors if part.objname in names]
     for part in (*acting, *seeing, *joints):

@@ -6,6 +6,7 @@ refused by `unmodelled`.
 """
 
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
@@ -56,7 +57,6 @@ def normalise(source: Source, base: str | None) -> Normal:
         changes, bare = mend_meshes(spec, source.folder, source.is_urdf)
         notes += changes
     if source.is_urdf:
-        notes += lock_equal_limits(spec, source.text)
         if base is None:
             notes += _free_root(spec)
             top = list(spec.worldbody.bodies)  # one link, if it does not move yet
@@ -74,7 +74,8 @@ def normalise(source: Source, base: str | None) -> Normal:
             if not mends:
                 raise
             notes += mends.pop(0)(spec, str(error))
-    for change in (lock_tied, leave_out_idle):
+    locks = partial(lock_equal_limits, urdf=source.text if source.is_urdf else b"")
+    for change in (locks, lock_tied, leave_out_idle):
         changed = change(spec, model)
         if changed:
             model, notes = compile_spec(spec, source.label), notes + changed

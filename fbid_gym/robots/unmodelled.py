@@ -133,12 +133,13 @@ def _refuse_extremes(model: mujoco.MjModel) -> None:
         ("stiffness", model.jnt_stiffness, _MOST * torque),
         ("damping", model.dof_damping, _MOST * torque * time),
         ("armature", model.dof_armature, _MOST * torque * time**2),
+        ("frictionloss", model.dof_frictionloss, _MOST * torque),
     ):
-        least = 0.0 if name == "armature" else -most
+        least = 0.0 if name in ("armature", "frictionloss") else -most
         wild = values[~((values >= least) & (values <= most))]
         if wild.size:
             raise RobotError(
-                f"The file has {name} {wild.flat[0]:.3g}, which no simulation can carry. "
+                f"The robot has {name} {wild.flat[0]:.3g}, which no simulation can carry. "
                 f"Expected at least {least:.3g} and at most {most:.3g}."
             )
 
@@ -146,6 +147,7 @@ def _refuse_extremes(model: mujoco.MjModel) -> None:
 def refuse_diverging(home: MeasuredModel, label: str) -> None:
     """Refuse what no simulation can carry: a few steps from home, without torques, tell."""
     model, data = home.model, mujoco.MjData(home.model)
+    _refuse_extremes(model)  # once more, with what was not in the file
     data.qpos[:] = home.qpos
     with warnings_heard() as heard:
         for _ in range(_STEPS):

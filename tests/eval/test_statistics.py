@@ -141,6 +141,26 @@ def test_runs_are_set_against_one_policy_over_runs_and_episodes(rng):
     assert st.paired(y[None] + 1.0, y, 0.95) == (Estimate(pytest.approx(1.0)), 1.0)
 
 
+def test_differences_over_runs_and_episodes_miss_the_truth_as_seldom_as_they_say(rng):
+    """Runs vary, and in every episode one side has its own chance."""
+    missed, tries, chance = 0, 100, st.Chance(rng, 400, 0.9)
+    for _ in range(tries):
+        runs, episodes = rng.normal(size=(2, 8, 1)), rng.normal(size=(2, 1, 30))
+        x, y = runs + 2.0 * episodes + rng.normal(size=(2, 8, 30))
+        found = st.difference_over_episodes(x, y, chance)
+        means = x.mean(axis=1), y.mean(axis=1)
+        assert found.value == pytest.approx(st.difference(*means, chance).value)
+        missed += not found.low <= 0.0 <= found.high
+    assert missed <= 25  # more has a chance of 1e-5 at 10 %; over runs alone it were 40
+    alike = np.repeat(rng.normal(size=(2, 6, 1)), 30, axis=2)  # nothing but the runs counts
+    found, of_runs = (
+        call(x, y, st.Chance(np.random.default_rng(1), 4000, 0.9))
+        for call, (x, y) in ((st.difference_over_episodes, alike), (st.difference, alike[:, :, 0]))
+    )
+    assert (found.low, found.high) == pytest.approx((of_runs.low, of_runs.high), abs=0.1)
+    assert st.difference_over_episodes(x[:1], y, chance).low is None
+
+
 @pytest.mark.parametrize(("of_runs", "of_episodes"), [(1.0, 0.1), (0.3, 1.0), (0.1, 3.0), (0, 0)])
 def test_runs_that_are_no_better_are_seldom_said_to_be(of_runs, of_episodes, rng):
     """Runs, episodes and what is left of both vary; 5 % of the intervals may miss nothing."""

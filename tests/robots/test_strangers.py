@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import Robot, load, zoo
+from fbid_gym.robots.portrait import portrait
 from fbid_gym.robots.terrain.obstacles import random_obstacles
 from fbid_gym.robots.terrain.rocks import random_rocks
 from tests.postures import posed
@@ -26,6 +27,10 @@ def dog(extra: str = "", base: str = '<link name="base"/>') -> str:
 
 
 LIMIT = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+
+
+def degrees(radians: str) -> float:
+    return float(np.degrees(float(radians)))
 
 
 def hinge(name: str, parent: str, child: str, limit: str = LIMIT, kind: str = "revolute") -> str:
@@ -68,6 +73,27 @@ def test_equal_limits_lock_a_joint_where_they_are(angle: float) -> None:
     data = robot.at_home.data
     place = data.body("hand").xpos - data.body("arm").xpos
     np.testing.assert_allclose(place, [0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("compiler, angle", [("degree", 40.0), ("radian", np.radians(40.0))])
+def test_equal_limits_of_an_mjcf_lock_a_joint_too(compiler: str, angle: float) -> None:
+    """Measured from its reference, in the units of the file."""
+    arm = f"""<body name="arm"><joint name="lock" axis="0 0 1" ref="{angle / 4}"
+      range="{angle} {angle}"/><geom size="0.01"/>
+      <body name="hand" pos="0.3 0 0"><geom size="0.01"/></body></body>"""
+    own = zoo.mjcf(zoo.draw(37))  # with motors
+    if compiler == "degree":
+        own = own.replace('angle="radian"', "")
+        ends = re.compile(r'(<joint name="leg[^>]* )range="(\S+) (\S+)"')
+        own = ends.sub(lambda m: f'{m[1]}range="{degrees(m[2])} {degrees(m[3])}"', own)
+    robot = Robot.from_mjcf(own.replace("<freejoint/>", "<freejoint/>" + arm, 1))
+    plain = Robot.from_mjcf(zoo.mjcf(zoo.draw(37)))
+    np.testing.assert_allclose(robot.joint_range, plain.joint_range)
+    assert noted(robot, "Joints locked, whose limits are equal: lock.")
+    data = robot.at_home.data
+    place = data.body("hand").xpos - data.body("arm").xpos
+    turned = np.radians(30.0)
+    np.testing.assert_allclose(place, [0.3 * np.cos(turned), 0.3 * np.sin(turned), 0.0], atol=1e-9)
 
 
 def test_limits_that_are_not_given_lock_nothing() -> None:
@@ -261,6 +287,53 @@ def test_a_friction_that_overrides_is_that_of_the_geoms() -> None:
     assert any("friction is 0.3" in sentence for sentence in robot.check())
 
 
+@pytest.mark.parametrize("name", ["dog.XML", "dog.xml"])
+def test_a_byte_order_mark_and_a_suffix_in_capitals(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"\xef\xbb\xbf" + GO1.encode())
+    assert Robot.from_mjcf(path).mass == load("go1").mass
+    assert Robot.from_mjcf("\ufeff" + GO1).mass == load("go1").mass
+
+
+def test_a_path_of_thousands_of_letters_is_one_short_error() -> None:
+    with pytest.raises(RobotError, match="does not exist. Expected the path of an MJCF or URDF"):
+        Robot.from_mjcf("a" * 5000)
+    with pytest.raises(RobotError) as error:
+        Robot.from_mjcf("a" * 5000)
+    assert len(str(error.value)) < 500
+
+
+def test_a_small_framebuffer_and_names_in_brackets() -> None:
+    """Brackets of a name are no pattern."""
+    small = '<visual><global offwidth="64" offheight="48"/></visual><worldbody>'
+    text = GO1.replace("<worldbody>", small, 1).replace("front_left_knee", "knee[fl]")
+    robot = Robot.from_mjcf(text, armature={"*": 0.01, "knee[fl]": 0.02})
+    own = dict(zip(robot.joint_names, robot.model.dof_armature[6:], strict=True))
+    assert own.pop("knee[fl]") == 0.02 and set(own.values()) == {0.01}
+    assert portrait(robot).shape[2] == 3
+
+
+def test_a_word_in_a_comment_makes_no_urdf() -> None:
+    text = GO1.replace("<mujoco", "<!-- from a <robot> -->\n<mujoco", 1)
+    assert Robot.from_mjcf(text).mass == load("go1").mass
+
+
+def test_a_foot_that_a_file_fuses_with_its_leg_keeps_its_name() -> None:
+    foot = '<geom name="front_left_foot" class="foot" pos="0 0 -0.213"/>'
+    text = GO1.replace(foot, f'<body name="paw">{foot}</body>', 1)
+    text = text.replace("<compiler ", '<compiler fusestatic="true" ', 1)
+    assert "paw" in Robot.from_mjcf(text).foot_names
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_loops_are_refused_by_the_names_of_their_bodies(kind: str) -> None:
+    legs = "front_left_lower_leg", "front_right_lower_leg"
+    place = ' anchor="0 0 0"' if kind == "connect" else ""
+    tie = f'<equality><{kind} body1="{legs[0]}" body2="{legs[1]}"{place}/></equality></mujoco>'
+    with pytest.raises(RobotError, match=".*".join(legs)):
+        changed("</mujoco>", tie)
+
+
 def test_names_of_ours_may_be_in_a_file() -> None:
     own = '<asset><texture name="fbid_sky" type="skybox" builtin="flat" width="8" height="8"/>'
     own += '<material name="fbid_ground"/></asset><worldbody>'
@@ -275,10 +348,16 @@ def test_names_of_ours_may_be_in_a_file() -> None:
 
 
 @pytest.mark.parametrize(
-    "attribute", ['armature="-1"', 'damping="1e30"', 'stiffness="1e30"', 'pos="0 0 1e30"']
+    "attribute",
+    [
+        *('armature="-1"', 'damping="1e30"', 'stiffness="1e30"', 'pos="0 0 1e30"'),
+        *('frictionloss="-1"', 'frictionloss="1e30"'),
+    ],
 )
 def test_numbers_that_no_simulation_carries_are_refused(attribute, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotError):
         Robot.from_mjcf(with_knee(attribute))
+    with pytest.raises(RobotError, match=r"armature 1e\+30, which no simulation can carry"):
+        Robot.from_mjcf(GO1, armature=1e30)
     assert not list(tmp_path.iterdir())  # no MUJOCO_LOG.TXT
