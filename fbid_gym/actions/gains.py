@@ -70,9 +70,10 @@ class BodyOptions:
     as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
     pushed."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] | None = None
-    """By how much more small errors of the horizontal velocity are damped, in units of the rate at
-    which the robot falls; a gait's own damping is 4 on points, and 0 on soles. Errors count up to
-    0.03 of sqrt(gravity times height), on short soles less. Not for the papers' balancers."""
+    """By how much more small errors of the horizontal velocity are damped than large ones, in units
+    of the rate at which the robot falls; on gaits by default 4 on points and 2 on soles. Errors
+    count up to 0.03 of sqrt(gravity times height), on short soles less. Large ones are damped by 4
+    on points, not at all on soles. Not for the papers' balancers."""
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the
