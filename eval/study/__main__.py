@@ -28,7 +28,7 @@ from eval.study.films import Clips, film
 from eval.study.findings import checked_reference, findings
 from eval.study.page import page
 from eval.study.results import Settings
-from eval.study.tables import drawn, numbers, table
+from eval.study.tables import drawn, table
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole
 from train.command import run_command
@@ -65,8 +65,8 @@ class StudyConfig:
     settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
     """How the runs are put together."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write the curves and the numbers to docs/NAME.svg and NAME.csv, after the study's name, and
-    the table between its marks into the study's page of docs/."""
+    """Write the curves to docs/NAME.svg, after the study's name, and the table between its marks
+    into the study's page of docs/."""
 
 
 def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
@@ -87,7 +87,7 @@ def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
     said = table(study)
     pictures = {}
     if config.write_docs:  # refuses before anything is written
-        pictures = {".csv": numbers(study), ".svg": drawn(study)}
+        pictures = {".svg": drawn(study)}
     if config.out is not None:
         found = findings(study, config.settings, config.reference)
         if config.robustness:

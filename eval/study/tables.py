@@ -5,7 +5,6 @@ are said to be unfinished. What learns nothing is shown by the episodes that tra
 evaluated in.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -21,32 +20,10 @@ from eval.study.pace import Pace
 from eval.wording import Form, capital, number, over_seeds, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
-from train.runs.folder import RunFolder
 from train.runs.study import Arm, Study, arms, environment_name
-from train.runs.tables import read_rows, to_csv
 
-_COLUMNS = ("env", "arm", "seed", "steps", "wall_seconds", "episodes", "return_mean", "return_q25",
-            "return_q75", "survival", "velocity_error", "return_exploring")  # fmt: skip
 _MEASURES = {"return_mean": "return", "velocity_error": "velocity error, m/s"}
 """Column of the evaluations -> what its panels are called."""
-
-
-def numbers(study: Study) -> str:
-    """Return the evaluations of all cells as CSV, with the return of training at that time."""
-    rows = []
-    for cell in study.cells:
-        run = cell.config
-        trained, means = exploring(run)
-        known = {"env": run.env, "arm": cell.arm, "seed": run.seed}
-        for row in read_rows(RunFolder.of(run.folder).evaluations):
-            until = bisect_right(trained, float(row["steps"]))
-            rows.append({**known, **row, "return_exploring": means[until - 1] if until else ""})
-    for cell in study.unlearnt:
-        its = fresh.levels(study).get(cell.config.folder.name)
-        if its is not None:
-            row = dict.fromkeys(_COLUMNS, "") | {"env": cell.config.env, "arm": cell.arm}
-            rows.append(row | {name: value.item() for name, value in its.means.items()})
-    return to_csv(_COLUMNS, rows)
 
 
 def drawn(study: Study) -> str:

