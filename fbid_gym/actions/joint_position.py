@@ -118,8 +118,10 @@ class JointPosition(Memoryless):
             frequency = frequency or as_quick_as_steps(walks, robot, control_hz, loop_delay)
             gains = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         if falls and robot.has_soles:
-            inertia = Stance.of(robot).standing_inertia
-            gains = gains._replace(stiffness=damped_enough(*gains[:2], inertia))
+            inertia, damping = Stance.of(robot).standing_inertia, gains.damping
+            if gains.from_servos:  # many files have all damping in the joints
+                damping = damping + robot.joint_damping
+            gains = gains._replace(stiffness=damped_enough(gains.stiffness, damping, inertia))
         motion = JointMotion.of(
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
@@ -130,7 +132,7 @@ class JointPosition(Memoryless):
     @property
     def natural_frequency(self) -> float | str:
         """Hz, of the response that the gains give; or "servo"."""
-        return self.gains.natural_frequency if np.isfinite(self.gains.natural_frequency) else SERVO
+        return SERVO if self.gains.from_servos else self.gains.natural_frequency
 
     @property
     def pendulum(self) -> bool:

@@ -59,6 +59,23 @@ def test_servos_too_soft_to_carry_the_robot_are_left_alone():
     np.testing.assert_allclose(named.gains.stiffness, 0.1 * STIFF)
 
 
+def test_servos_whose_damping_is_in_the_joints_are_as_stiff_on_a_gait() -> None:
+    """On soles stiffness is what damping allows, wherever the file has it."""
+    animal = zoo.draw(5, "biped")
+    stiffness, damping = 4.0 * zoo.torque_limit(animal), 0.06 * zoo.torque_limit(animal)
+    gains = []
+    for own, servo in ((damping, 0.0), (0.0, damping)):
+        text = re.sub('damping="[^"]*"', f'damping="{own}"', zoo.mjcf(animal))
+        text = re.sub('kp="[^"]*"', f'kp="{stiffness}" kv="{servo}"', text)
+        robot = Robot.from_mjcf(text, animal.foot_names)
+        walk = {"task": "walk", "robot": robot, "action_layer": "joint_position"}
+        config = EnvConfig.of({**walk, "layer_options": {"natural_frequency": "servo"}})
+        layer, _ = config.layer(robot, config.make_task(robot))
+        gains.append(layer.gains.stiffness)
+    np.testing.assert_allclose(*gains, rtol=1e-6)
+    assert 0.0 < gains[0].min() < 0.5 * stiffness
+
+
 MODEL = asset_path("go1.xml").read_text()
 DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', MODEL)
 LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', MODEL)
