@@ -57,6 +57,7 @@ def normalise(source: Source, base: str | None) -> Normal:
         changes, bare = mend_meshes(spec, source.folder, source.is_urdf)
         notes += changes
     if source.is_urdf:
+        notes += _weigh_nothing(spec)
         if base is None:
             notes += _free_root(spec)
             top = list(spec.worldbody.bodies)  # one link, if it does not move yet
@@ -81,6 +82,15 @@ def normalise(source: Source, base: str | None) -> Normal:
             model, notes = compile_spec(spec, source.label), notes + changed
     notes += _clip_keyframes(spec, model)
     return Normal(spec, model, notes, bare)
+
+
+def _weigh_nothing(spec: mujoco.MjSpec) -> list[str]:
+    """Take the mass that MuJoCo makes of the shapes of links that a URDF gives none; notes."""
+    bare = [body for body in spec.bodies if not body.explicitinertial and list(body.geoms)]
+    for geom in (geom for body in bare for geom in body.geoms):
+        geom.mass = geom.density = 0.0
+    names = listed([body.name for body in bare])
+    return [f"Links without an inertia weigh nothing: {names}."] if bare else []
 
 
 def simulate_well(spec: mujoco.MjSpec) -> list[str]:

@@ -55,6 +55,21 @@ def test_inertias_that_no_body_has_are_mended(inertia: dict[str, float]) -> None
     assert again.digest == robot.portable().digest and again.mass == pytest.approx(robot.mass)
 
 
+def test_a_link_without_an_inertia_weighs_nothing() -> None:
+    """Whatever the shape that it touches with."""
+    box = '<collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision>'
+    pack = f'<link name="pack">{box}</link>'
+    fixed = '<joint name="pack" type="fixed"><parent link="trunk"/><child link="pack"/></joint>'
+    robot = Robot.from_mjcf(dog(pack + fixed))
+    assert noted(robot, "Links without an inertia weigh nothing: pack.")
+    assert robot.mass == pytest.approx(Robot.from_mjcf(urdf()).mass, rel=1e-5)
+    root = urdf().replace('<link name="trunk">', f'<link name="trunk">{box}', 1)
+    bare = re.sub(r'(<link name="trunk">.*?)<inertial>.*?</inertial>', r"\1", root, flags=re.DOTALL)
+    assert bare != root
+    legs = Robot.from_mjcf(bare)
+    assert legs.mass < Robot.from_mjcf(urdf()).mass and noted(legs, "weigh nothing: trunk")
+
+
 def mass_matrix(robot: Robot) -> np.ndarray:
     data = posed(robot)
     mass = np.empty((robot.nv, robot.nv))
