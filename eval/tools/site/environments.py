@@ -77,7 +77,8 @@ def _index() -> str:
     return (
         "# Environments\n\nEvery environment takes every action layer, and any robot with suitable "
         'feet: `gym.make("fbid_gym/BipedWalk-v0", robot="g1", action_layer="com_wrench")`. Through '
-        "`torque` a robot knows no gait, and falls at once until it has learnt. The tables of these pages are generated from the code.\n\n"
+        "`torque` a robot knows no gait, and falls at once until it has learnt. The tables of "
+        "these pages are generated from the code.\n\n"
         + table(["Environment", "Robot", "Ground", "In one line"], rows)
         + "\n\nEvery argument with its default and its range: [arguments](../arguments.md). "
         "From action to torque: [action layers](../layers/index.md).\n"
