@@ -82,19 +82,19 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 LONGER = {"fbid_gym/control/body_law.py": 549, "fbid_gym/control/whole_body.py": 661}  # to be split
 LINES = {
     ".": 2305,
-    "actions": 3028,
+    "actions": 3031,
     "control": 4635,
     "dynamics": 1609,
     "envs": 3324,
     "estimation": 1965,
     "motions": 3697,
     "policy": 616,
-    "robots": 5461,
+    "robots": 5537,
     "runtime": 1792,
     "tasks": 2194,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_227, "train": 5_274, "eval": 16_870, "eval/papers": 5_230}
+TREES = {"tests": 29_408, "train": 5_281, "eval": 16_959, "eval/papers": 5_230}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
 READING = {"fbid_gym.actions.base_acceleration": (35, 6849)}

@@ -71,9 +71,8 @@ class BodyOptions:
     pushed."""
     velocity_gain: Annotated[float, Number(0.0, 100.0)] | None = None
     """By how much more small errors of the horizontal velocity are damped than large ones, in units
-    of the rate at which the robot falls; on gaits by default 4 on points and 2 on soles. Errors
-    count up to 0.03 of sqrt(gravity times height), on short soles less. Large ones are damped by 4
-    on points, not at all on soles. Not for the papers' balancers."""
+    of the rate at which the robot falls; None: on gaits 4 on points, 2 on soles. Small: to 0.03 of
+    sqrt(gravity times height), less on short soles. Not for the papers' balancers."""
     velocity_of: Annotated[str, Choice(("com", "base"))] | None = None
     """Whose horizontal velocity is damped: the centre of mass's, as by the papers' balancers, or
     the base's, against which legs that swing move it, and which commands are about. None: the

@@ -51,11 +51,6 @@ class JointGains(NamedTuple):
     drag: np.ndarray
     natural_frequency: float
 
-    @property
-    def from_servos(self) -> bool:
-        """Whether they are those of the file's servos."""
-        return bool(np.isinf(self.natural_frequency))
-
     @classmethod
     def of_servos(cls, robot: Robot, control_hz: int, loop_delay: float = 0.0) -> "JointGains":
         """Take the gains of the file's servos.
@@ -189,7 +184,7 @@ def missing_damping(gains: JointGains) -> float:
     Light legs, that is, joints without armature, can be damped by little at the rate of control.
     Where that is most of it, the base, which is heavy, can be damped instead. Servos lack none.
     """
-    if gains.from_servos:
+    if np.isinf(gains.natural_frequency):
         return 0.0
     omega = 2.0 * np.pi * gains.natural_frequency
     wanted = 2.0 / omega

@@ -118,10 +118,10 @@ class JointPosition(Memoryless):
             frequency = frequency or as_quick_as_steps(walks, robot, control_hz, loop_delay)
             gains = JointGains.of(robot, control_hz, frequency, damping_ratio, loop_delay)
         if falls and robot.has_soles:
-            inertia, damping = Stance.of(robot).standing_inertia, gains.damping
-            if gains.from_servos:  # many files have all damping in the joints
-                damping = damping + robot.joint_damping
-            gains = gains._replace(stiffness=damped_enough(gains.stiffness, damping, inertia))
+            # Beside servos many files have all damping in the joints.
+            damping = gains.damping + np.isinf(gains.natural_frequency) * robot.joint_damping
+            most = damped_enough(gains.stiffness, damping, Stance.of(robot).standing_inertia)
+            gains = gains._replace(stiffness=most)
         motion = JointMotion.of(
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
@@ -132,7 +132,7 @@ class JointPosition(Memoryless):
     @property
     def natural_frequency(self) -> float | str:
         """Hz, of the response that the gains give; or "servo"."""
-        return SERVO if self.gains.from_servos else self.gains.natural_frequency
+        return self.gains.natural_frequency if np.isfinite(self.gains.natural_frequency) else SERVO
 
     @property
     def pendulum(self) -> bool:
