@@ -178,6 +178,8 @@ def _reaching(arm: Arm, study: Study, levels: Mapping[str, Played]) -> str:
         for name, own in each.items()
     }
     reached, median = np.isfinite(until["steps"]).sum(), np.median(until["steps"])
+    if median == 0.0:
+        return "from the start"
     if not np.isfinite(median):
         return f"never ({reached} of {len(returns)})" if reached else "never"
     words = [steps_text(median), f"{np.median(until['wall_seconds']) / 60:.1f} min"]
