@@ -35,7 +35,7 @@ _EACH = {"return_mean": "returned", "survival": "survived"} | {
 """Column -> that of `Episodes` it is the mean of."""
 _MOST_KEPT = 8192  # episodes; the values of more are no field of a CSV file
 PUSHED = {"survival_pushed": 1.0, "survival_pushed_harder": 1.5}
-"""Column -> every push of its episodes, in the greatest of the environment."""
+"""Column -> size of every push of its episodes, over that of the environment's strongest."""
 _COLUMNS = ("run", "policy", "commit", *_MEASURED, *PUSHED, *(f"{name}_each" for name in _EACH))
 
 OF_EPISODES = ("height_error", "torque", "power", "foothold_error")
@@ -67,7 +67,7 @@ class Played(NamedTuple):
         each = {name: row.get(f"{name}_each") or "" for name in _EACH}
         return cls(
             {name: np.array([float(row[name])]) for name in _MEASURED}
-            | {name: np.array([float(row[name])]) for name in PUSHED if row.get(name)},
+            | {name: np.array([float(row.get(name) or "nan")]) for name in PUSHED},
             {name: np.array(its.split(), float) for name, its in each.items() if its},
         )
 

@@ -115,27 +115,19 @@ def table(study: Study) -> str:
 
 def _in_fresh_episodes(study: Study, played: Mapping[str, Played]) -> Iterator[str]:
     """Yield a table of the arms in fresh episodes, if they have played any, and what it is."""
-    of_arms = [
-        (
-            arm,
-            [
-                played[name]
-                for name in (cell.config.folder.name for cell in arm.cells)
-                if name in played
-            ],
-        )
-        for arm in arms(study)
-    ]
     forms = {
         name: (title, form)
         for name, (title, form) in _FRESH.items()
-        if any(np.isfinite(its.means.get(name, np.nan)).all() for its in played.values())
+        if any(np.isfinite(its.means[name]).all() for its in played.values())
     }
     rows = []
-    for arm, its in ((arm, its) for arm, its in of_arms if its):
+    for arm in arms(study):
+        its = [played[name] for c in arm.cells if (name := c.config.folder.name) in played]
+        if not its:
+            continue
         cells = [environment_name(arm.env), arm.name, str(len(its)), str(fresh.Falls.of(its))]
         for name, (_, form) in forms.items():
-            values = np.concatenate([one.means.get(name, np.array([np.nan])) for one in its])
+            values = np.concatenate([one.means[name] for one in its])
             cells.append(over_seeds(values, form) if np.isfinite(values).all() else "–")
         rows.append(cells)
     if rows:

@@ -20,7 +20,7 @@ def lock_equal_limits(spec: mujoco.MjSpec, model: mujoco.MjModel, urdf: bytes) -
 
     MuJoCo ignores these limits. Of an MJCF those are given that are not 0.
     """
-    named = {joint.name: joint.range for joint in spec.joints if joint.name}
+    named = {joint.name: joint.range for joint in spec.joints if joint.name and joint.limited}
     found = {name: ends[0] for name, ends in named.items() if ends[0] == ends[1] != 0.0}
     with suppress(ElementTree.ParseError, ValueError):  # MuJoCo is less strict
         for joint in ElementTree.fromstring(urdf).iter("joint"):

@@ -52,8 +52,8 @@ class Source:
             return source
         if isinstance(source, mujoco.MjSpec):
             return cls.known(pack(source))
-        if isinstance(source, str) and (text := source.lstrip("\ufeff \n\r\t")).startswith("<"):
-            return cls.known(text)
+        if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
+            return cls.known(source.removeprefix("\ufeff"))
         if not isinstance(source, str | Path):
             raise InvalidValueError("robot", source, _EXPECTED)
         path = Path(source)

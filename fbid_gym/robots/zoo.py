@@ -277,9 +277,9 @@ def _actuator(robot: Morphology, leg: int, name: str) -> str:
 
 
 def torque_limit(robot: Morphology, joint: str = "knee") -> float:
-    """N·m, of a joint; but of humanoids twice what holds a leg's part of the weight at its length.
+    """N·m, of a joint: twice what holds a leg's part of the weight at the leg's length.
 
-    Of humanoids it is drawn, for ankles and for the others.
+    Of humanoids it is drawn instead, one for ankles and one for the other joints.
     """
     share = 2.0 / robot.legs
     if robot.strength is not None:
