@@ -17,7 +17,7 @@ from rich.console import Console
 
 from eval.comparable import check_comparable, check_unseen, group
 from eval.results import greatest_return
-from eval.robustness.arms import Arm as Tried
+from eval.robustness.arms import PlayedArm as Tried
 from eval.robustness.curves import Budget, Robustness, at, measure
 from eval.robustness.factors import BY_NAME
 from eval.rollout import Player
@@ -39,7 +39,7 @@ from train.runs.files import check_output, to_json, write
 from train.runs.proportional import ZERO
 from train.runs.reading import Run, layer_name, load
 from train.runs.robots import another, chosen
-from train.runs.training import Standing
+from train.runs.training import Status
 
 PUSH = BY_NAME["push"]
 
@@ -109,7 +109,7 @@ def _zero(run: Run) -> str:
 def _cell(name: str, run: Run) -> CellFound:
     """Return a run as a training of a study; of an exported policy its steps alone are known."""
     again = "" if run.config is None else command_again(run.config, run.path)
-    cell = cell_found(run.path, name, run.seed, Standing("done", ""), again)
+    cell = cell_found(run.path, name, run.seed, Status("done", ""), again)
     if cell.begun:
         return cell
     steps, unknown = [float(run.policy.trained_steps)], [math.nan]

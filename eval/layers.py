@@ -71,7 +71,7 @@ class LayersConfig:
     """Write the table into its page of docs/, too."""
 
 
-class Standing(NamedTuple):
+class LayerScore(NamedTuple):
     """What a layer comes to over all tasks."""
 
     score: Estimate  # mean over tasks of the interquartile mean over robots
@@ -123,7 +123,7 @@ def scores(rows: Sequence[Row]) -> dict[str, list[np.ndarray]]:
     return found
 
 
-def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, Standing]]:
+def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, LayerScore]]:
     """Return the best layer of the package, and what every layer comes to, the best first."""
     of = scores(rows)
     rng = np.random.default_rng(0)
@@ -136,7 +136,7 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     found = {}
     for layer in sorted(of, key=lambda layer: -means[layer].value):
         better = improvement(of[layer], of[best], chance)
-        found[layer] = Standing(means[layer], better, p_values.get(layer, math.nan))
+        found[layer] = LayerScore(means[layer], better, p_values.get(layer, math.nan))
     return best, found
 
 
@@ -185,7 +185,7 @@ def run(config: LayersConfig, command: Sequence[str]) -> None:
         splice(_PAGE, f"{said}\n\n{command_block(command)}\n\n{text}")
 
 
-def summary(best: str, found: dict[str, Standing]) -> tuple[list[str], list[list[str]]]:
+def summary(best: str, found: dict[str, LayerScore]) -> tuple[list[str], list[list[str]]]:
     """Return heads and lines of the table over all tasks."""
     heads = ["layer", "score", f"better than {best}", "p"]
     return heads, [
@@ -200,7 +200,7 @@ def summary(best: str, found: dict[str, Standing]) -> tuple[list[str], list[list
 
 
 def page(
-    rows: Sequence[Row], best: str, found: dict[str, Standing], own: Sequence[str],
+    rows: Sequence[Row], best: str, found: dict[str, LayerScore], own: Sequence[str],
     command: Sequence[str],
 ) -> str:  # fmt: skip
     """Lay out the page."""

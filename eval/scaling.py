@@ -58,7 +58,7 @@ class ScalingConfig:
     of docs/."""
 
 
-class Played(NamedTuple):
+class PlayedUnseen(NamedTuple):
     """What an arm's policies, or those who learnt nothing, did on the unseen robots."""
 
     name: str  # of the arm, or of the law
@@ -160,7 +160,7 @@ def kept(study: Study) -> list[dict[str, Any]]:
     return found
 
 
-def played(study: Study, rows: list[dict[str, Any]]) -> list[Played]:
+def played(study: Study, rows: list[dict[str, Any]]) -> list[PlayedUnseen]:
     """Return what each arm and each law did; arms in the order of the study, then laws."""
     found = []
     for arm in arms(study):
@@ -177,17 +177,17 @@ def played(study: Study, rows: list[dict[str, Any]]) -> list[Played]:
     return found
 
 
-def _played(name: str, learnt_with: tuple[str, ...], rows: list[dict[str, Any]]) -> Played:
+def _played(name: str, learnt_with: tuple[str, ...], rows: list[dict[str, Any]]) -> PlayedUnseen:
     returned, up = dict[str, list[float]](), dict[str, list[float]]()
     for row in rows:
         if int(row["episodes"]):
             returned.setdefault(row["robot"], []).append(float(row["return"]))
             up.setdefault(row["robot"], []).append(float(row["up"]))
     layer = str(rows[0]["layer"])
-    return Played(name, layer, len(learnt_with), frozenset(learnt_with), returned, up)
+    return PlayedUnseen(name, layer, len(learnt_with), frozenset(learnt_with), returned, up)
 
 
-def unseen(found: list[Played]) -> list[list[str]]:
+def unseen(found: list[PlayedUnseen]) -> list[list[str]]:
     """Return the robots that no arm has learnt with, those first on which most can be played.
 
     Once for each set of robots on which an arm can act: joint targets need as many joints as the
@@ -198,19 +198,19 @@ def unseen(found: list[Played]) -> list[list[str]]:
     return sorted(map(list, filter(None, sets)), key=len, reverse=True)
 
 
-def able(found: list[Played], robots: list[str]) -> list[Played]:
+def able(found: list[PlayedUnseen], robots: list[str]) -> list[PlayedUnseen]:
     """Return those who can act on all of these robots."""
     return [one for one in found if one.returned.keys() >= set(robots)]
 
 
-def layer_words(found: list[Played]) -> dict[str, str]:
+def layer_words(found: list[PlayedUnseen]) -> dict[str, str]:
     """Return how layers are called: without their options where that is enough."""
     layers = list(dict.fromkeys(one.layer for one in found))
     short = [layer.partition(" (")[0] for layer in layers]
     return dict(zip(layers, short if len(set(short)) == len(layers) else layers, strict=True))
 
 
-def drawn(found: list[Played]) -> str:
+def drawn(found: list[PlayedUnseen]) -> str:
     """Return the scaling figure as SVG: bodies learnt with, against what is done on unseen ones.
 
     A row for each set of `unseen`, a curve for each layer: the mean over robots and seeds, its band
@@ -222,7 +222,7 @@ def drawn(found: list[Played]) -> str:
     for robots in unseen(found):
         those = able(found, robots)
         for what, title in {"returned": "return", "up": "share without a fall"}.items():
-            mean = partial(Played.over, what=what, robots=robots)
+            mean = partial(PlayedUnseen.over, what=what, robots=robots)
             series = []
             for colour, (layer, name) in enumerate(names.items()):
                 beside = [one for one in those if one.layer == layer]
@@ -250,7 +250,7 @@ def _power_of_two(x: float) -> str:
     return f"{2.0**x:.0f}"
 
 
-def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
+def table(study: Study, rows: list[dict[str, Any]], found: list[PlayedUnseen]) -> str:
     """Return how all did together, and on each robot, as Markdown."""
     tables, names = list[str](), layer_words(found)
     heads = ("arm", "layer", "robots learnt with", "seeds", "return", "up", "> zero", "> one gain")
@@ -290,7 +290,7 @@ def table(study: Study, rows: list[dict[str, Any]], found: list[Played]) -> str:
     return "\n\n".join([said, *tables, then, markdown_table(columns, each, 1)])
 
 
-def compared(found: list[Played], robots: list[str]) -> dict[tuple[str, str], str]:
+def compared(found: list[PlayedUnseen], robots: list[str]) -> dict[tuple[str, str], str]:
     """Say on how many robots each arm earns more than a law of its layer, and how surely it does.
 
     Returns:

@@ -23,7 +23,7 @@ PROGRAM = "fbid-gym"
 
 
 @dataclass(frozen=True)
-class Command:
+class Subcommand:
     """What a command runs."""
 
     module: str
@@ -35,24 +35,24 @@ class Command:
 
 
 COMMANDS = {
-    "play": Command("eval.play", "Push a walking robot in the browser.", "play"),
-    "demo": Command("eval.demo", "Train two layers with two seeds, compare them.", "train"),
-    "train": Command("train.ppo", "Train a policy with PPO.", "train"),
-    "eval": Command("eval.rollout", "Play a policy, print what it did, film it.", "train"),
-    "compare": Command("eval.compare", "Compare trainings: one page.", "train"),
-    "benchmark": Command("eval.layers", "Compare an action layer of yours with ours.", "train"),
-    "export": Command("eval.export", "Write a policy for others: ONNX, the Hub.", "export"),
-    "transfer": Command("eval.transfer", "Play policies on robots they never saw.", "train"),
-    "engines": Command("eval.engines", "See who walks in Bullet as well.", "bullet"),
-    "robots": Command("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
-    "policies": Command("fbid_gym.policy", "List the policies that come with the package."),
-    "sac": Command("train.sac", "Train a policy with SAC.", "train"),
-    "crossq": Command("train.crossq", "Train a policy with CrossQ.", "train"),
-    "sweep": Command("train.sweep", "Run every training of a study.", "train"),
-    "study": Command("eval.study", "Evaluate the trainings of a study: one page.", "train"),
-    "robustness": Command("eval.robustness", "See what policies were not trained for.", "train"),
-    "zero-actions": Command("eval.zero_actions", "Let robots act without a policy.", "train"),
-    "papers": Command("eval.papers", "Run the papers' experiments: one page.", "train"),
+    "play": Subcommand("eval.play", "Push a walking robot in the browser.", "play"),
+    "demo": Subcommand("eval.demo", "Train two layers with two seeds, compare them.", "train"),
+    "train": Subcommand("train.ppo", "Train a policy with PPO.", "train"),
+    "eval": Subcommand("eval.rollout", "Play a policy, print what it did, film it.", "train"),
+    "compare": Subcommand("eval.compare", "Compare trainings: one page.", "train"),
+    "benchmark": Subcommand("eval.layers", "Compare an action layer of yours with ours.", "train"),
+    "export": Subcommand("eval.export", "Write a policy for others: ONNX, the Hub.", "export"),
+    "transfer": Subcommand("eval.transfer", "Play policies on robots they never saw.", "train"),
+    "engines": Subcommand("eval.engines", "See who walks in Bullet as well.", "bullet"),
+    "robots": Subcommand("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
+    "policies": Subcommand("fbid_gym.policy", "List the policies that come with the package."),
+    "sac": Subcommand("train.sac", "Train a policy with SAC.", "train"),
+    "crossq": Subcommand("train.crossq", "Train a policy with CrossQ.", "train"),
+    "sweep": Subcommand("train.sweep", "Run every training of a study.", "train"),
+    "study": Subcommand("eval.study", "Evaluate the trainings of a study: one page.", "train"),
+    "robustness": Subcommand("eval.robustness", "See what policies were not trained for.", "train"),
+    "zero-actions": Subcommand("eval.zero_actions", "Let robots act without a policy.", "train"),
+    "papers": Subcommand("eval.papers", "Run the papers' experiments: one page.", "train"),
 }
 """Name of a command -> what it runs."""
 

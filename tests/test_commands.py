@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fbid_gym.__main__ import COMMANDS, Command, called, main
+from fbid_gym.__main__ import COMMANDS, Subcommand, called, main
 from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.robots import Robot, source
 
@@ -68,7 +68,7 @@ def test_nonsense_is_one_line(
     """An unknown command, and a program whose library is not there."""
     (tmp_path / "needs_more.py").write_text("import no_such_library.part\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(COMMANDS, "more", Command("needs_more", "", "play"))
+    monkeypatch.setitem(COMMANDS, "more", Subcommand("needs_more", "", "play"))
     for name, message in (
         ("pley", "Unknown command 'pley'. Valid choices: play, demo, train, eval"),
         ("more", "fbid-gym more needs no_such_library, which is not installed. It comes with the "

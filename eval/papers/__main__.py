@@ -19,7 +19,7 @@ from rich.console import Console
 
 from eval.page.docs import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, load, perform
-from eval.papers.page import Section, page, summary
+from eval.papers.page import ExperimentSection, page, summary
 from eval.papers.registry import experiments
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole
@@ -66,14 +66,14 @@ def _job(experiment: Experiment, config: PapersConfig) -> Job:
     return Job(experiment.name, command + options, folder / _LOG, progress)
 
 
-def _section(experiment: Experiment, config: PapersConfig) -> Section:
+def _section(experiment: Experiment, config: PapersConfig) -> ExperimentSection:
     """Its section, or what there is to say when it has none."""
     saved, log = load(experiment, config.out), experiment.folder(config.out) / _LOG
     if saved is not None:
-        return Section(experiment, *saved, experiment.command(saved[0].quick))
+        return ExperimentSection(experiment, *saved, experiment.command(saved[0].quick))
     tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
     wrong = f"This did not run to the end: {tail}."
-    return Section(experiment, None, wrong, experiment.command(config.quick))
+    return ExperimentSection(experiment, None, wrong, experiment.command(config.quick))
 
 
 def run(config: PapersConfig, command: Sequence[str]) -> int:

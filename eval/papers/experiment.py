@@ -75,7 +75,7 @@ class Finding:
     target: str = ""  # what ours should be; empty without a target
 
 
-class Run(msgspec.Struct):
+class ExperimentRun(msgspec.Struct):
     """What a run has left in `numbers.json`."""
 
     findings: list[Finding]  # the paper's numbers beside ours
@@ -173,18 +173,18 @@ def show(name: str, content: Numbers) -> tuple[list[Finding], str]:
     return findings, section
 
 
-def perform(experiment: Experiment, out: Path, quick: bool) -> Run:
+def perform(experiment: Experiment, out: Path, quick: bool) -> ExperimentRun:
     """Run an experiment and save its numbers and its section."""
     folder, began = experiment.folder(out), time.monotonic()
     numbers, shown = experiment.run(Setting(quick, folder / "progress.json"))
     findings, section = show(experiment.name, numbers | shown)
-    run = Run(findings, numbers, quick, time.monotonic() - began)
+    run = ExperimentRun(findings, numbers, quick, time.monotonic() - began)
     write(folder / "numbers.json", to_json(msgspec.to_builtins(run)))
     write(folder / "section.html", section)
     return run
 
 
-def load(experiment: Experiment, out: Path) -> tuple[Run, Markup] | None:
+def load(experiment: Experiment, out: Path) -> tuple[ExperimentRun, Markup] | None:
     """Read what `perform` saved, its section as HTML; None where it did not run to the end.
 
     Raises:
@@ -194,6 +194,6 @@ def load(experiment: Experiment, out: Path) -> tuple[Run, Markup] | None:
     if not section.is_file():
         return None
     try:
-        return msgspec.convert(read_json(numbers), Run), Markup(section.read_text())
+        return msgspec.convert(read_json(numbers), ExperimentRun), Markup(section.read_text())
     except (msgspec.ValidationError, UnicodeDecodeError) as error:
         raise RunError(f"{numbers.parent}: not of this experiment ({error}).") from error

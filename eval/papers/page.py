@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 from eval.page.docs import markdown_table
 from eval.page.html import render
-from eval.papers.experiment import Experiment, Finding, Run
+from eval.papers.experiment import Experiment, ExperimentRun, Finding
 from eval.papers.registry import Paper
 
 
 @dataclass(frozen=True)
-class Section:
+class ExperimentSection:
     """One experiment on the page."""
 
     experiment: Experiment  # which
-    run: Run | None  # what it has left; None where it did not run to the end
+    run: ExperimentRun | None  # what it has left; None where it did not run to the end
     body: str  # HTML if it is Markup; what went wrong, if anything did
     command: str  # that makes it
 
@@ -34,7 +34,7 @@ class Section:
         return sum(finding.verdict == "met" for finding in self.aims)
 
 
-Shown = Sequence[tuple[Paper, Sequence[Section]]]
+Shown = Sequence[tuple[Paper, Sequence[ExperimentSection]]]
 """Papers with the sections of their experiments."""
 
 
@@ -57,7 +57,7 @@ def summary(papers: Shown) -> str:
     return "\n\n".join(_table(paper, some) for paper, some in papers)
 
 
-def _table(paper: Paper, sections: Sequence[Section]) -> str:
+def _table(paper: Paper, sections: Sequence[ExperimentSection]) -> str:
     lines = []
     for section in sections:
         rows = [

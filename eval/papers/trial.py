@@ -46,7 +46,7 @@ Disturbance = Callable[[Simulation], Callable[[int], np.ndarray]]
 """From the simulation to what disturbs it before each step: the force on each base, (N, 3) N."""
 
 
-class Command(Protocol):
+class TickCommand(Protocol):
     """What a controller wants on one tick: a NamedTuple of arrays with a row per robot."""
 
     @property
@@ -57,7 +57,7 @@ class Command(Protocol):
     def _asdict(self) -> dict[str, Any]: ...
 
 
-class Controller(Protocol):
+class TickController(Protocol):
     """From state, dynamics and goal to torques; it keeps what it remembers in `memory`."""
 
     def memory(self, num_robots: int) -> Memory:
@@ -66,7 +66,7 @@ class Controller(Protocol):
 
     def __call__(
         self, state: RobotState, terms: DynamicsTerms, goal: Any, memory: Memory
-    ) -> Command:
+    ) -> TickCommand:
         """Return the command for one control tick."""
         ...
 
@@ -107,7 +107,7 @@ class Trial:
     watch: tuple[str, ...] = ()  # entries of the controller's memory to log, each (N, ...)
 
 
-def simulate(trial: Trial, controller: Controller) -> Log:
+def simulate(trial: Trial, controller: TickController) -> Log:
     """Run a trial.
 
     A robot that has fallen, whose torques are not finite or whose simulation diverged gets no more

@@ -19,7 +19,7 @@ _ONLY = np.zeros(1, int)
 _NEVER = np.iinfo(np.int64).max // 2
 
 
-class Player(NamedTuple):
+class Driver(NamedTuple):
     """Who drives a robot."""
 
     layer: str  # name of the action layer
@@ -36,21 +36,21 @@ def layer_of(policy: Policy) -> str:
     return str(policy.env_args.get("action_layer", "joint_position"))
 
 
-def players(stage: Stage, settings: Settings) -> list[Player]:
+def players(stage: Stage, settings: Settings) -> list[Driver]:
     """Return who plays by these settings: one, or two side by side."""
-    found = [Player(settings["layer"], settings["policy"])]
+    found = [Driver(settings["layer"], settings["policy"])]
     beside = settings["beside"]
     if beside in stage.policies:
-        found.append(Player(layer_of(stage.policies[beside]), beside))
+        found.append(Driver(layer_of(stage.policies[beside]), beside))
     elif beside != ALONE:
-        found.append(Player(beside, NO_POLICY))
+        found.append(Driver(beside, NO_POLICY))
     return found
 
 
 class Lane:
     """One robot, in a world of its own."""
 
-    def __init__(self, stage: Stage, player: Player, settings: Settings) -> None:
+    def __init__(self, stage: Stage, player: Driver, settings: Settings) -> None:
         """Build the environment; `reset` or `take_over` before the first step.
 
         Raises:

@@ -25,7 +25,7 @@ Drag = Callable[[np.ndarray, bool], None]
 go."""
 
 
-class Body:
+class DrawnRobot:
     """The frames of one robot's bodies."""
 
     def __init__(
@@ -157,7 +157,7 @@ class Scene:
             if client.camera.aspect < 1.0:  # the camera of those who come is for a wide picture
                 aim(client, self.size, self._height)
 
-        self.bodies: list[Body] = []
+        self.bodies: list[DrawnRobot] = []
         self._shown: list[list[Any]] = []
         self.cast(lanes)
 
@@ -174,7 +174,7 @@ class Scene:
         level = lanes[0].batch.config.terrain == "flat"
         beside = np.array([0.0, 1.4 * self.size if level else 0.0, 0.0])
         self.bodies = [
-            Body(self._server, lane, place, place * beside, self._drag)
+            DrawnRobot(self._server, lane, place, place * beside, self._drag)
             for place, lane in enumerate(lanes)
         ]
         self._shown = shown

@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 
 from eval.page.docs import ROBUSTNESS_PAGE, command_block, splice, spliced
-from eval.robustness.arms import Arm, load_arms, zero_action
+from eval.robustness.arms import PlayedArm, load_arms, zero_action
 from eval.robustness.curves import Budget, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
@@ -106,7 +106,7 @@ def run(config: RobustnessConfig, command: list[str]) -> None:
     console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
-def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
+def gathered(config: RobustnessConfig) -> tuple[list[PlayedArm], list[str]]:
     """Return who is tried, and warnings; FbidError for nobody, or for what is not valid."""
     further: dict[str, Any] = parse_env_args(config.env_args)
     for name, option in _OTHERWISE.items():

@@ -19,7 +19,7 @@ from train.runs.study import Cell, arms, check_cells, read_study
 
 
 @dataclass(frozen=True)
-class Arm:
+class PlayedArm:
     """Runs that differ in their seed alone, or the zero action of a layer."""
 
     name: str
@@ -35,7 +35,7 @@ def load_arms(
     named: Sequence[str],
     robot: Robot | None,
     env_args: Mapping[str, Any],
-) -> tuple[list[Arm], list[str]]:
+) -> tuple[list[PlayedArm], list[str]]:
     """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 
     Of studies, which are `.toml`, runs in this environment and arms of these names alone, if any
@@ -50,7 +50,7 @@ def load_arms(
     runs = [load(path, robot) for path in paths if path.suffix != ".toml"]
     warnings = check_comparable(runs) if runs else []
     found = [
-        Arm(
+        PlayedArm(
             *(name, name, tuple(Player.of(run, **env_args) for run in its)),
             tuple(run.path.name for run in its),
         )
@@ -83,14 +83,14 @@ def load_arms(
 
 def arm_of_cells(
     name: str, cells: Sequence[Cell], robot: Robot | None, env_args: Mapping[str, Any]
-) -> Arm:
+) -> PlayedArm:
     """Return finished cells of a study as its arm; other arguments as for `load_arms`."""
     players = tuple(Player.of_cell(cell, robot, **env_args) for cell in cells)
     layer = layer_name(cells[0].config.make_args())
-    return Arm(name, layer, players, tuple(cell.config.folder.name for cell in cells))
+    return PlayedArm(name, layer, players, tuple(cell.config.folder.name for cell in cells))
 
 
-def _check_arms(found: Sequence[Arm]) -> None:
+def _check_arms(found: Sequence[PlayedArm]) -> None:
     """Raise RunError unless arms are told apart by their names, and all are in one environment."""
     names = [arm.name for arm in found]
     twice = [name for name in names if names.count(name) > 1]
@@ -103,12 +103,12 @@ def _check_arms(found: Sequence[Arm]) -> None:
 
 def zero_action(
     env_id: str, layer: str, env_args: Mapping[str, Any], robot: Robot | None = None
-) -> Arm:
+) -> PlayedArm:
     """Return the zero action of a layer as an arm; a robot replaces the one of the arguments."""
     player = Player.unlearnt(ZERO, env_id, {**env_args, "action_layer": layer}, robot)
     words = layer_name(player.env_args)
     name = f"{words}, zero action"
-    return Arm(name, words, (replace(player, name=name),))
+    return PlayedArm(name, words, (replace(player, name=name),))
 
 
 def environment(player: Player) -> EnvConfig:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from eval.results import Estimate
-from eval.robustness.arms import Arm, environment
+from eval.robustness.arms import PlayedArm, environment
 from eval.robustness.factors import BY_NAME, Factor, changed
 from eval.rollout import Player, play_player
 from eval.statistics import Chance, interquartile_mean
@@ -37,7 +37,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Curve:
+class Trend:
     """A measure of an arm along a factor."""
 
     points: list[Estimate]  # at each value
@@ -52,7 +52,7 @@ class Along:
 
     name: str
     values: list[float]
-    curves: dict[str, dict[str, Curve]]  # by measure and arm
+    curves: dict[str, dict[str, Trend]]  # by measure and arm
     nominal: float | None = None
     """Value at which nothing differs from training; None: there is none, or it is not known."""
 
@@ -126,7 +126,7 @@ def read(path: Path) -> Robustness:
 
 
 def measure(
-    arms: Sequence[Arm],
+    arms: Sequence[PlayedArm],
     factors: Sequence[Factor],
     budget: Budget,
     tell: Tell = lambda done, total, what: None,
@@ -177,7 +177,7 @@ def measure(
         )
         return value if same else None
 
-    def curve(arm: Arm, factor: Factor, name: str) -> Curve:
+    def curve(arm: PlayedArm, factor: Factor, name: str) -> Trend:
         values = factor.values_in(config)
         keys = [plan[arm.name, factor.name, value] for value in values]
         table = np.array([[getattr(played[key], name) for key in its] for its in keys])
@@ -210,7 +210,7 @@ def measure(
 
 def estimated(
     table: np.ndarray, values: Sequence[float], staged: bool, rng: np.random.Generator
-) -> Curve:
+) -> Trend:
     """Return a curve with its intervals, from (V, R, E) of values, runs and episodes.
 
     The unit of chance is the run, whose episodes are averaged first; of one run, or one zero
@@ -228,7 +228,7 @@ def estimated(
     *points, last = (
         Estimate(float(value), *ends) for value, ends in zip(found, bounds, strict=True)
     )
-    return Curve(points, last)
+    return Trend(points, last)
 
 
 def area(curves: np.ndarray, positions: Sequence[float]) -> np.ndarray:

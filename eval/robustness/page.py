@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from eval.page.figures import Marks, Series, colours_of, panel, sheet
 from eval.page.html import render
-from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
+from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Robustness, Trend
 from eval.robustness.factors import BY_NAME, Factor
 from eval.robustness.tables import heading, means
 from eval.robustness.wording import headline, lede
@@ -73,7 +73,7 @@ def _panels(found: Robustness, along: Along, colours: Mapping[str, int]) -> list
 
 
 def _series(
-    found: Robustness, values: Sequence[float], curves: dict[str, Curve], colours: Mapping[str, int]
+    found: Robustness, values: Sequence[float], curves: dict[str, Trend], colours: Mapping[str, int]
 ) -> list[Series]:
     """A line for each arm; the zero action of a layer that was trained is dashed beside it."""
     zeros, series = found.dashed, []

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from eval.page.docs import markdown_table
 from eval.results import Estimate
-from eval.robustness.curves import Along, Curve, Robustness
+from eval.robustness.curves import Along, Robustness, Trend
 from eval.robustness.factors import BY_NAME
 from eval.wording import METRIC, capital, form_of, interval, number, titled
 from fbid_gym.errors import RunError
@@ -60,12 +60,12 @@ def with_kept(found: Robustness, rows: list[dict[str, str]]) -> Robustness:
 
 def _kept(name: str, rows: list[dict[str, str]]) -> Along:
     """One factor of `with_kept`."""
-    factor, curves = BY_NAME[name], dict[str, dict[str, Curve]]()
+    factor, curves = BY_NAME[name], dict[str, dict[str, Trend]]()
     for measure, arm in dict.fromkeys((row["measure"], row["arm"]) for row in rows):
         own = [row for row in rows if (row["measure"], row["arm"]) == (measure, arm)]
         ends = [tuple(float(row[end]) for end in ("estimate", "low", "high")) for row in own]
         *points, last = (Estimate(*end) for end in ends)
-        curves.setdefault(measure, {})[arm] = Curve(points, last)
+        curves.setdefault(measure, {})[arm] = Trend(points, last)
         values = [row["value"] for row in own[:-1]]
     numbered = [float(k if factor.stages else value) for k, value in enumerate(values)]
     nominal = factor.nominal if factor.nominal in numbered else None

@@ -17,7 +17,7 @@ import tyro
 from rich.console import Console
 
 from eval.page.docs import DOCS, splice, spliced
-from eval.robustness.arms import Arm as Tried
+from eval.robustness.arms import PlayedArm as Tried
 from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
 from eval.robustness.factors import FACTORS

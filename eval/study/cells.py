@@ -19,14 +19,14 @@ from train.runs.study import Arm, Cell, Study, environment_name
 from train.runs.tables import read_rows
 
 
-class Curve(NamedTuple):
+class SeedCurves(NamedTuple):
     """One measure of an arm, at the evaluations that all seeds that count have had."""
 
     steps: np.ndarray  # (K,) of the training
     values: np.ndarray  # (S, K), a row for each seed
 
 
-def curve(arm: Arm, column: str) -> Curve:
+def curve(arm: Arm, column: str) -> SeedCurves:
     """Return a column of the evaluations, over steps and seeds; NaN where it is not known.
 
     "fallen" counts falls in training until then. The finished cells count; where there is none, all
@@ -46,7 +46,7 @@ def curve(arm: Arm, column: str) -> Curve:
         table.get(column, np.full(len(table["steps"]), np.nan))[np.isin(table["steps"], steps)]
         for table in tables
     ]
-    return Curve(steps, np.array(values).reshape(len(tables), len(steps)))
+    return SeedCurves(steps, np.array(values).reshape(len(tables), len(steps)))
 
 
 def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:

@@ -47,7 +47,7 @@ from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.reading import layer_name, read_columns
 from train.runs.study import Arm, Study, arms, check_cells
-from train.runs.training import Standing, standing
+from train.runs.training import Status, standing
 
 
 def findings(study: Study, settings: Settings, reference: str | None = None) -> Findings:
@@ -189,7 +189,7 @@ def _begun(arm: Arm) -> ArmFound:
     return ArmFound(arm.env, arm.name, layer, most, found)
 
 
-def cell_found(folder: Path, name: str, seed: int | None, where: Standing, again: str) -> CellFound:
+def cell_found(folder: Path, name: str, seed: int | None, where: Status, again: str) -> CellFound:
     """Read what evaluations found of a training; `again` is the command that trains it."""
     table = read_columns(RunFolder.of(folder).evaluations)
     return CellFound(

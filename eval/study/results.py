@@ -71,7 +71,7 @@ class CellFound:
 
     name: str
     seed: int | None  # None of an exported policy, which does not know it
-    state: str  # see `train.runs.training.Standing`
+    state: str  # see `train.runs.training.Status`
     note: str
     steps: list[float]  # of its evaluations
     wall: list[float]  # likewise, s

@@ -31,7 +31,7 @@ from fbid_gym.control.whole_body import (
     MOVES,
     STANDS,
     Feet,
-    Motion,
+    MotionRows,
     Work,
     contact_error,
     deliver_forces,
@@ -189,7 +189,7 @@ def _hold(
     i: int,
     start: np.ndarray,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
     torque: np.ndarray,
 ) -> None:
     """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
@@ -334,8 +334,8 @@ def _move(
     feet: Feet,
     i: int,
     work: Work,
-    motion: Motion,
-    carried: Motion,
+    motion: MotionRows,
+    carried: MotionRows,
 ) -> None:
     """Find the motion that a command comes to on the feet: all but its `whole`."""
     copy(command.reference[i], motion.reference)
@@ -378,8 +378,8 @@ def _move_momentum(
     feet: Feet,
     i: int,
     work: Work,
-    motion: Motion,
-    carried: Motion,
+    motion: MotionRows,
+    carried: MotionRows,
 ) -> None:
     """Have the momentum change as it shall, [G15] (38), (39), with a reference that moves.
 

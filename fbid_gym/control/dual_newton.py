@@ -87,7 +87,7 @@ class Point(NamedTuple):
     gradient: np.ndarray  # (6,): missing + eps dual, zero at the solution
 
 
-class Step(NamedTuple):
+class NewtonStep(NamedTuple):
     """A Newton step; buffers to write to, so that what is called most makes no arrays."""
 
     change: np.ndarray  # (6,) of the dual
@@ -147,7 +147,7 @@ def _free_force(wrenches: np.ndarray, dual: np.ndarray, i: int) -> Vector:
 
 
 @compiled
-def jacobian_at(problem: Points, regularisation: float, point: Point, newton: Step) -> None:
+def jacobian_at(problem: Points, regularisation: float, point: Point, newton: NewtonStep) -> None:
     """Write the lower half of a generalised Jacobian of the gradient.
 
     It is the sum G_i D_i G_i^T + eps. A sticking point passes its force on unchanged, but not a
@@ -263,7 +263,7 @@ def _newton(
     budget: int,
     point: Point,
     trial: Point,
-    newton: Step,
+    newton: NewtonStep,
 ) -> tuple[float, int]:
     """Improve a point until solved or `budget` steps are spent; returns its error, and the steps.
 
@@ -300,7 +300,7 @@ class Room(NamedTuple):
     problem: Points
     point: Point  # its force, missing and dual are those of the solution
     trial: Point
-    newton: Step
+    newton: NewtonStep
 
 
 @compiled
@@ -310,7 +310,7 @@ def room_for(points: int) -> Room:
         Points(np.zeros(1, np.int64), np.empty((points, 3, 6)), np.empty(6), np.empty((points, 3))),
         _room_for_point(points),
         _room_for_point(points),
-        Step(np.empty(6), np.empty((6, 6)), np.empty(6)),
+        NewtonStep(np.empty(6), np.empty((6, 6)), np.empty(6)),
     )
 
 

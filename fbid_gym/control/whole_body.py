@@ -76,7 +76,7 @@ class Feet(NamedTuple):
     limits: np.ndarray  # (N, P, 3) friction coefficient, least and greatest normal force (N)
 
 
-class Motion(NamedTuple):
+class MotionRows(NamedTuple):
     """A motion of one robot: accelerations, or velocities. Buffers."""
 
     asked: np.ndarray  # (F, R) c - Jdot v of the feet's rows; then less L r
@@ -153,11 +153,11 @@ def room_to_work(limbs: Limbs, geometry: ContactGeometry, mobility: np.ndarray) 
 
 
 @compiled
-def room_to_move(limbs: Limbs, geometry: ContactGeometry) -> Motion:
+def room_to_move(limbs: Limbs, geometry: ContactGeometry) -> MotionRows:
     """Return buffers for a motion of one robot."""
     feet, joints = limbs.legs.shape
     rows = geometry.motion.shape[2]
-    return Motion(
+    return MotionRows(
         np.zeros((feet, rows)),
         np.zeros((feet, rows)),
         np.zeros(limbs.size),
@@ -179,7 +179,7 @@ def factor_legs(
     terms: DynamicsTerms,
     i: int,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
 ) -> None:
     """Have the legs follow the base, and read what is asked of the feet into `motion.asked`.
 
@@ -280,7 +280,7 @@ def _read_foot(
     i: int,
     foot: int,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
 ) -> None:
     """Write the rows of a foot, and what is asked of them, c - Jdot v less what the others do."""
     by_base, by_leg, jacobian = work.by_base[foot], work.by_leg[foot], terms.foot_jacobian[i, foot]
@@ -410,7 +410,7 @@ def move_with_feet(
     terms: DynamicsTerms,
     i: int,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
 ) -> None:
     """Find the motion nearest to its reference that the feet allow: all but `whole`."""
     base, momentum = motion.base, motion.momentum
@@ -454,7 +454,7 @@ def move_with_feet(
 
 
 @compiled
-def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) -> None:
+def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: MotionRows) -> None:
     """Change a motion, that is its base, others and momentum, by as little as a task takes.
 
     The task of the body has as many of `work.rows`, and of what is left to do, `work.share`, as its
@@ -503,7 +503,7 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
 
 
 @compiled
-def put_together(limbs: Limbs, work: Work, motion: Motion) -> None:
+def put_together(limbs: Limbs, work: Work, motion: MotionRows) -> None:
     """Write `motion.whole` from its parts."""
     whole = motion.whole
     for column in range(6):
@@ -531,7 +531,7 @@ def deliver_forces(
     next_start: np.ndarray,
     i: int,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
 ) -> None:
     """Find the forces on the points that best deliver rows b of M a + h, within their limits.
 
@@ -574,7 +574,7 @@ def yield_to_limits(
     terms: DynamicsTerms,
     i: int,
     work: Work,
-    motion: Motion,
+    motion: MotionRows,
 ) -> None:
     """Change a motion by the least that makes it need just the wrench that the forces deliver."""
     missing = work.forces.point.missing
@@ -596,7 +596,7 @@ def yield_to_limits(
 
 @compiled
 def joint_torques(
-    terms: DynamicsTerms, i: int, work: Work, motion: Motion, torque: np.ndarray
+    terms: DynamicsTerms, i: int, work: Work, motion: MotionRows, torque: np.ndarray
 ) -> None:
     """Write the joint rows of M a + h - J^T f to torque (n,)."""
     for j in range(len(torque)):
@@ -617,7 +617,7 @@ def joint_torques(
 
 
 @compiled
-def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: Motion) -> float:
+def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: MotionRows) -> float:
     """Return by how much (m/s^2) the contacts of standing feet would move: |J a + Jdot v|."""
     square = 0.0
     for foot in range(len(limbs.legs)):

@@ -18,7 +18,7 @@ _ROUNDS = 8
 _OVER = 1e-9  # m
 
 
-class Legs(NamedTuple):
+class PitchLegs(NamedTuple):
     """The joints of two legs that bend in the sagittal plane; the first leg is the left one."""
 
     foot: np.ndarray  # (2,) int, the foot of each leg
@@ -34,7 +34,7 @@ class Legs(NamedTuple):
     range: np.ndarray  # (2, 2, 3) rad, least and largest angles
 
 
-def legs_of(robot: Robot) -> Legs:
+def legs_of(robot: Robot) -> PitchLegs:
     """Find the joints of a robot's two legs.
 
     Raises:
@@ -71,7 +71,7 @@ def legs_of(robot: Robot) -> Legs:
         )
     columns, signs = np.array(pitch), np.array(sign)
     home, limits = robot.home_qpos[7:][columns], np.moveaxis(robot.joint_range[columns], -1, 0)
-    return Legs(order, np.array(joints), columns, signs, home, bend[0], forward[0], limits)
+    return PitchLegs(order, np.array(joints), columns, signs, home, bend[0], forward[0], limits)
 
 
 def placing(joints: np.ndarray, jacobian: np.ndarray, length: float) -> np.ndarray:
@@ -87,7 +87,7 @@ def placing(joints: np.ndarray, jacobian: np.ndarray, length: float) -> np.ndarr
     return np.array(some[int(np.argmax(sizes))])
 
 
-def least_bend(legs: Legs) -> float:
+def least_bend(legs: PitchLegs) -> float:
     """Return how little the knees can bend, rad: 0 where the legs can be straight."""
     knees = legs.forward * legs.sign[:, 1]
     stop = np.where(knees > 0, legs.range[0, :, 1], -legs.range[1, :, 1])
@@ -95,7 +95,7 @@ def least_bend(legs: Legs) -> float:
     return max(0.0, float(least.max()))
 
 
-def bent(robot: Robot, legs: Legs, knee: Curve, ankle: Curve, pitch: Curve) -> Curve:
+def bent(robot: Robot, legs: PitchLegs, knee: Curve, ankle: Curve, pitch: Curve) -> Curve:
     """Return the joint motion, (T, n) rad, of bent legs on level soles, all other joints at home.
 
     Both legs do the same: (T,) rad say how far the knees are bent, 0 where straight, and how far
@@ -177,7 +177,7 @@ def refuse_beyond(robot: Robot, margin: float) -> None:
 
 
 def _ahead(
-    robot: Robot, legs: Legs, knee: np.ndarray, ankle: np.ndarray, pitch: np.ndarray
+    robot: Robot, legs: PitchLegs, knee: np.ndarray, ankle: np.ndarray, pitch: np.ndarray
 ) -> np.ndarray:
     """How far the centre of mass is ahead of the centre of the soles in K postures, (K,) m."""
     postures = bent(

@@ -16,7 +16,7 @@ _PREFIX = "fbid_contact_"
 _MIDDLE = 0.5001
 
 
-class Cell(NamedTuple):
+class SensorBox(NamedTuple):
     """A box about one contact point, where its contacts lie; body frame."""
 
     centre: np.ndarray  # (3,) m
@@ -75,14 +75,14 @@ def remove_contact_sensors(spec: mujoco.MjSpec) -> None:
             spec.delete(element)
 
 
-def cells(points: np.ndarray, far: float) -> list[Cell]:
+def cells(points: np.ndarray, far: float) -> list[SensorBox]:
     """Cut space, `far` (m) each way, into one box around each of P distinct points (P, 3).
 
     Again and again it is cut where the gap between points is widest, square to one of two axes:
     those whose narrowest cut is the widest. For a sole's corners these are its quarters.
     """
     if len(points) == 1:
-        return [Cell(np.zeros(3), np.full(3, far), np.eye(3))]
+        return [SensorBox(np.zeros(3), np.full(3, far), np.eye(3))]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][-1]
     tries = []
     for i, j in itertools.combinations(range(len(points)), 2):
@@ -95,7 +95,7 @@ def cells(points: np.ndarray, far: float) -> list[Cell]:
     narrowest = [gap for gap, _, _ in tries]
     _, bounds, axes = tries[int(np.argmax(narrowest))]
     return [
-        Cell(axes @ (0.5 * (low + high)), 0.5 * (high - low), axes)
+        SensorBox(axes @ (0.5 * (low + high)), 0.5 * (high - low), axes)
         for low, high in zip(bounds[:, 0], bounds[:, 1], strict=True)
     ]
 

@@ -66,7 +66,7 @@ def contact(measured: TrackingMeasures, width: float) -> np.ndarray:
     return measured.as_planned * bell(measured.outcome.posture.slip, width * measured.units.speed)
 
 
-class Motion(Protocol):
+class PeriodicMotion(Protocol):
     """A motion that repeats itself after `period` control ticks."""
 
     @property
@@ -86,7 +86,7 @@ class Tracking(PlannedEpisode):
         speed_range: (least, most) m/s, commanded forward speed, constant in an episode.
     """
 
-    motion: Motion
+    motion: PeriodicMotion
     speed_range: tuple[float, float]
 
     reward_terms: ClassVar[Terms] = {
@@ -103,7 +103,7 @@ class Tracking(PlannedEpisode):
     def of(
         cls,
         episode: Episode,
-        motion: Motion,
+        motion: PeriodicMotion,
         derived: Mapping[str, Any],
         speed_range: tuple[float, float] = (0.0, 0.0),
     ) -> "Tracking":

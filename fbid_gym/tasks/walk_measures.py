@@ -59,7 +59,7 @@ class Notes(NamedTuple):
 _noted = itemgetter(*(_PREFIX + name for name in Notes._fields))
 
 
-class Motion(NamedTuple):
+class WalkMotion(NamedTuple):
     """Motion of N robots and its difference from the desired motion."""
 
     command: np.ndarray  # (N, 3) m/s ahead, m/s and rad/s to the left
@@ -83,7 +83,7 @@ class WalkMeasures(NamedTuple):
     outcome: Outcome  # of the step
     units: Units  # from the height of the centre of mass at home, h
     notes: Notes  # of the gait
-    motion: Motion  # how they move
+    motion: WalkMotion  # how they move
 
 
 def velocity(measured: WalkMeasures, width: float) -> np.ndarray:
@@ -159,7 +159,7 @@ def measure_motion(
     command: np.ndarray,
     notes: Notes,
     ground: np.ndarray,
-) -> Motion:
+) -> WalkMotion:
     """Return how robots move.
 
     By the points that carry weight, `touching` (N, P), the command (N, 3), m/s ahead, m/s and rad/s
@@ -168,7 +168,7 @@ def measure_motion(
     count, feet = notes.planted.shape
     clock, velocity, lack = np.empty((count, 2)), np.empty((count, 3)), np.empty((count, 3))
     e = np.empty((9, count))
-    motion = Motion(
+    motion = WalkMotion(
         command, clock, velocity, lack, e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8]
     )
     _measure(
@@ -186,7 +186,7 @@ def _measure(
     touching: np.ndarray,
     notes: Notes,
     ground: np.ndarray,
-    motion: Motion,
+    motion: WalkMotion,
     down: np.ndarray,
 ) -> None:
     """Write a motion whose command is known; `down` (F,) is a buffer."""

@@ -11,7 +11,7 @@ import pytest
 from eval.results import Estimate
 from eval.robustness.__main__ import RobustnessConfig, gathered, main
 from eval.robustness.arms import zero_action
-from eval.robustness.curves import Along, Budget, Curve, Robustness, area, estimated, meant, measure
+from eval.robustness.curves import Along, Budget, Robustness, Trend, area, estimated, meant, measure
 from eval.robustness.factors import FACTORS, changed
 from eval.robustness.page import page
 from eval.robustness.tables import markdown, numbers, with_kept
@@ -117,11 +117,11 @@ def test_runs_are_the_units_of_chance_where_there_are_several(rng):
     assert estimated(table[:, :1, :1], x, False, rng).points[0].low is None
 
 
-def flat(value: float, low: float, high: float) -> Curve:
-    return Curve([Estimate(value, low, high)] * 2, Estimate(value, low, high))
+def flat(value: float, low: float, high: float) -> Trend:
+    return Trend([Estimate(value, low, high)] * 2, Estimate(value, low, high))
 
 
-def made(arms: dict[str, Curve], layer: str = "torque") -> Robustness:
+def made(arms: dict[str, Trend], layer: str = "torque") -> Robustness:
     curves = {"survived": arms, "returned": arms}
     return Robustness(
         WALK, {}, Budget(4, 5), ("survived", "returned"), dict.fromkeys(arms, layer),

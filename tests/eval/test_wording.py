@@ -3,7 +3,7 @@
 import math
 
 from eval.results import Estimate
-from eval.robustness.curves import Curve
+from eval.robustness.curves import Trend
 from eval.study.fresh import Falls
 from eval.study.results import ArmFound, CellFound, Findings, Fresh, Settings
 from eval.study.wording import headline
@@ -47,7 +47,7 @@ def test_the_headline_claims_no_more_than_was_found_and_tells_the_numbers():
     assert "one run cannot say" in headline(single)
     assert headline(findings(first=[400, 410])) == "First over two seeds: return 405."
     its = {"first": (1.0, 0.9), "second": (1.0, 0.4)}
-    curves = {name: Curve([*map(Estimate, own)], Estimate(0.5)) for name, own in its.items()}
+    curves = {name: Trend([*map(Estimate, own)], Estimate(0.5)) for name, own in its.items()}
     words = f"90{SPACE}% against 40{SPACE}% stay up under pushes of 1 times their weight, where"
     assert f"{words} they differ most." in headline(single, made(curves))
     curves["second"] = curves["first"]

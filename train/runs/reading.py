@@ -20,7 +20,7 @@ LAYER_ARGS = ("action_layer", "layer_options")
 
 
 @dataclass(frozen=True)
-class Curve:
+class LearningCurve:
     """Periodic evaluations of one run, (K,) each."""
 
     steps: np.ndarray  # environment steps of all robots together
@@ -40,7 +40,7 @@ class Run:
     config: dict[str, Any] | None  # as resolved by the training script; None for an exported policy
     # Of Python and packages, the commit and the platform, as far as they are known.
     versions: dict[str, Any]
-    curve: Curve | None  # None for an exported policy
+    curve: LearningCurve | None  # None for an exported policy
     robot: Robot | None = None  # to be played on; None for the one that the policy's arguments name
 
     @property
@@ -99,12 +99,12 @@ def load(path: Path, robot: Robot | None = None) -> Run:
     return Run(path, config["seed"], policy, config, read_json(folder.versions), curve, robot)
 
 
-def _read_curve(path: Path) -> Curve:
+def _read_curve(path: Path) -> LearningCurve:
     names = ("steps", "wall_seconds", "return_mean", "return_std", "episodes")
     columns = read_columns(path, names)
     if not columns:
         raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
-    return Curve(*columns.values())
+    return LearningCurve(*columns.values())
 
 
 def read_columns(path: Path, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:

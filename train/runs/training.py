@@ -23,7 +23,7 @@ def training_job(name: str, config: TrainConfig) -> Job:
     return Job(name, command, log_of(config), lambda: progress(config))
 
 
-class Standing(NamedTuple):
+class Status(NamedTuple):
     """Where a training is."""
 
     state: str  # "done", "failed", "not begun", or the share of its steps, such as "40%"
@@ -35,16 +35,16 @@ _ALMOST = 0.99
 _ENDED_BY = re.compile(r"(error|[\w.]*(Error|Exception))\b")
 
 
-def standing(config: TrainConfig) -> Standing:
+def standing(config: TrainConfig) -> Status:
     """Return where a training is, by its run folder and the log of its job."""
     share, note = progress(config)
     if share >= 1.0:
-        return Standing("done", note)
+        return Status("done", note)
     said = last_line(config)
     if _ENDED_BY.match(said):
-        return Standing("failed", said)
+        return Status("failed", said)
     begun = RunFolder.of(config.folder).config.is_file()
-    return Standing(f"{share:.0%}" if begun else "not begun", note)
+    return Status(f"{share:.0%}" if begun else "not begun", note)
 
 
 def last_line(config: TrainConfig) -> str:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eval.papers.garofalo2015.pendulum import Bob, Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.pendulum import Bob, PendulumBlow, world_with_pendulum
 from eval.papers.log import Log
 from eval.papers.trial import RATES, Disturbance, Plan, Trial, Wanted, height_of
 from fbid_gym.control import BalanceTarget, resting_target
@@ -87,7 +87,7 @@ class Blow(NamedTuple):
     energy: np.ndarray  # (N,) J
 
 
-def struck(pendulum: Pendulum, blow: Blow) -> Disturbance:
+def struck(pendulum: PendulumBlow, blow: Blow) -> Disturbance:
     """Return what hits the robots of a world with this pendulum."""
 
     def begin(simulation: Simulation) -> Callable[[int], np.ndarray]:
@@ -105,7 +105,7 @@ def struck(pendulum: Pendulum, blow: Blow) -> Disturbance:
     return begin
 
 
-def bout(robot: Robot, pendulum: Pendulum, blow: Blow, seconds: float, **options: Any) -> Trial:
+def bout(robot: Robot, pendulum: PendulumBlow, blow: Blow, seconds: float, **options: Any) -> Trial:
     """Return a trial of robots that stand at home and are hit; `options` are a `Trial`'s."""
     world, plan = world_with_pendulum(robot, pendulum), balancing(robot.home_qpos)
     given = {"num_robots": len(blow.energy), "world": world, "disturb": struck(pendulum, blow)}

@@ -7,7 +7,7 @@ import numpy as np
 from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer
 from eval.papers.garofalo2015.bout import Blow, bout
-from eval.papers.garofalo2015.pendulum import Pendulum
+from eval.papers.garofalo2015.pendulum import PendulumBlow
 from eval.papers.trial import simulate
 from fbid_gym.robots import load
 
@@ -72,7 +72,7 @@ def largest_blow(setting: Setting) -> Measured:
             # 0 is forward, pi/2 to the robot's left.
             direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
             blow = Blow(START, direction, energy)
-            return simulate(bout(robot, Pendulum(), blow, SECONDS, every=100), by).survived
+            return simulate(bout(robot, PendulumBlow(), blow, SECONDS, every=100), by).survived
 
         survived, lost = largest(survives, angle, setting.pick(5, 2))
         rows.append({"name": name, "survived": survived.tolist(), "lost": lost.tolist()})

@@ -5,7 +5,7 @@ import numpy as np
 from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer
 from eval.papers.garofalo2015.bout import SIDEWAYS, Blow, bout
-from eval.papers.garofalo2015.pendulum import Pendulum
+from eval.papers.garofalo2015.pendulum import PendulumBlow
 from eval.papers.log import Log
 from eval.papers.trial import simulate
 from eval.papers.wrong_models import believing, wrong_model
@@ -46,7 +46,7 @@ def outcome(log: Log) -> Numbers:
 )
 def model_errors(setting: Setting) -> Measured:
     """Let each balancer believe in many wrong robots, and hit them."""
-    robot, pendulum = load("humanoid"), Pendulum()
+    robot, pendulum = load("humanoid"), PendulumBlow()
     count, sizes = setting.pick(24, 4), setting.pick(SIZES, (0.0, 0.3))
     rows: list[Numbers] = []
     for size in setting.each(sizes):

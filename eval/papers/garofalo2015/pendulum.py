@@ -38,7 +38,7 @@ _BOB = f"""
 </body></worldbody></mujoco>"""
 
 
-class Pendulum(NamedTuple):
+class PendulumBlow(NamedTuple):
     """The blow. Defaults are [G15]'s where it has a number.
 
     Its contact is a spring and a damper, given by what they do: how long they touch and how the bob
@@ -62,7 +62,7 @@ class Pendulum(NamedTuple):
         return -(frequency**2), -2.0 * ratio * frequency
 
 
-def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
+def world_with_pendulum(robot: Robot, pendulum: PendulumBlow) -> mujoco.MjModel:
     """Return the robot's world with the bob in it.
 
     The robot is first in every list, so `Simulation(robot, ..., world=...)` takes it.
@@ -72,7 +72,7 @@ def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
     return spec.compile()
 
 
-def add_pendulum(spec: mujoco.MjSpec, robot: Robot, pendulum: Pendulum) -> None:
+def add_pendulum(spec: mujoco.MjSpec, robot: Robot, pendulum: PendulumBlow) -> None:
     """Add target and bob to a copy of the robot's spec; the bob is parked below the ground."""
     base = next(body for body in spec.bodies if body.id == robot.base_body)
     own = {"contype": 0, "conaffinity": _LAYER, "mass": 0.0, "group": 4}
@@ -90,7 +90,7 @@ def add_pendulum(spec: mujoco.MjSpec, robot: Robot, pendulum: Pendulum) -> None:
 class Bob:
     """The bobs of N simulations."""
 
-    def __init__(self, simulation: Simulation, pendulum: Pendulum) -> None:
+    def __init__(self, simulation: Simulation, pendulum: PendulumBlow) -> None:
         """Take hold of the bobs of a simulation in a `world_with_pendulum`."""
         robot, model = simulation.robot, simulation.model
         joint = model.body_jntadr[model.body(BOB).id]

@@ -8,7 +8,7 @@ from eval.papers.camera import Camera
 from eval.papers.experiment import Measured, Numbers, Setting, experiment, row
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, ON_MOMENTUM, ON_VELOCITY, Balancer
 from eval.papers.garofalo2015.bout import SIDEWAYS, Blow, blow_numbers, bout
-from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.pendulum import PendulumBlow, world_with_pendulum
 from eval.papers.log import Log
 from eval.papers.trial import simulate
 from fbid_gym.robots import load
@@ -30,7 +30,7 @@ VARIANTS: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
 """What the paper does not say, one thing changed at a time: of the pendulum, of the balancer."""
 
 
-def hit(controller: Balancer, seconds: float, pendulum: Pendulum) -> Log:
+def hit(controller: Balancer, seconds: float, pendulum: PendulumBlow) -> Log:
     """Let the pendulum hit a robot once."""
     blow = Blow(START, SIDEWAYS, np.array([pendulum.energy]))
     return simulate(bout(controller.robot, pendulum, blow, seconds, every=5), controller)
@@ -49,20 +49,20 @@ def fig2_push(setting: Setting) -> Measured:
     logs: dict[str, Log] = {}
     rows: dict[str, list[Numbers]] = {"balancers": [], "pairs": [], "varied": []}
     for name in setting.each(COLOUR, 0.4):
-        log = logs[name] = hit(Balancer(robot, name), seconds, Pendulum())
+        log = logs[name] = hit(Balancer(robot, name), seconds, PendulumBlow())
         rows["balancers"].append({"name": name} | blow_numbers(log, START))
     pairs = [(wrench, each) for wrench in (ON_VELOCITY, ON_MOMENTUM) for each in COLOUR]
     for wrench, torque_map in setting.each(pairs, 0.6):
-        log = hit(Balancer(robot, torque_map, wrench), START + 2.0, Pendulum())
+        log = hit(Balancer(robot, torque_map, wrench), START + 2.0, PendulumBlow())
         pair = {"wrench": wrench, "map": torque_map}
         rows["pairs"].append(pair | blow_numbers(log, START))
     for name in setting.each(variants):
         pendulum, options = variants[name]
-        log = hit(Balancer(robot, GAROFALO, **options), seconds, Pendulum(**pendulum))
+        log = hit(Balancer(robot, GAROFALO, **options), seconds, PendulumBlow(**pendulum))
         rows["varied"].append({"name": name} | blow_numbers(log, START))
     ours, log = row(rows["balancers"], name=GAROFALO), logs[GAROFALO]
     moments = (START - 0.002, START + 0.02, START + 0.2, START + 0.35, START + 0.7, START + 2.0)
-    world = world_with_pendulum(robot, Pendulum())
+    world = world_with_pendulum(robot, PendulumBlow())
     camera = Camera(robot, 224, 320, 180.0, -6.0, model=world, nearer=0.92)
     return rows | {"seconds": seconds}, {
         **{"ours": ours, "time": log.time, "START": START, "COLOUR": COLOUR},

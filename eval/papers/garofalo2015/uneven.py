@@ -9,7 +9,7 @@ from eval.papers.camera import Camera
 from eval.papers.experiment import Measured, Numbers, Setting, experiment
 from eval.papers.garofalo2015.balancer import COLOUR, Balancer
 from eval.papers.garofalo2015.bout import Blow, balancing, blow_numbers, stay, struck
-from eval.papers.garofalo2015.pendulum import Pendulum, add_pendulum
+from eval.papers.garofalo2015.pendulum import PendulumBlow, add_pendulum
 from eval.papers.trial import Trial, simulate
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
 from fbid_gym.dynamics.frames import rotation_vector, skew
@@ -88,7 +88,7 @@ def _soles(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
     return terms.foot_position[0] + radius * ([0.0, 0.0, 1.0] - terms.world_from_foot[0, :, :, 2])
 
 
-def world(robot: Robot, block: Block, start: np.ndarray, pendulum: Pendulum) -> mujoco.MjModel:
+def world(robot: Robot, block: Block, start: np.ndarray, pendulum: PendulumBlow) -> mujoco.MjModel:
     """Return the robot's world with the pendulum and the block under the right foot."""
     spec = robot.spec.copy()
     add_pendulum(spec, robot, pendulum)
@@ -120,7 +120,7 @@ def world(robot: Robot, block: Block, start: np.ndarray, pendulum: Pendulum) -> 
 )
 def uneven(setting: Setting) -> Measured:
     """Hit each balancer from both sides on each block."""
-    robot, pendulum = load("humanoid"), Pendulum()
+    robot, pendulum = load("humanoid"), PendulumBlow()
     blocks = {block.name: block for block in setting.pick(BLOCKS, (BLOCKS[0], BLOCKS[-1]))}
     sides = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     blow = Blow(START, sides, np.full(2, pendulum.energy))

@@ -16,10 +16,10 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.tasks.tracking import Motion
+from fbid_gym.tasks.tracking import PeriodicMotion
 
 
-def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None) -> Plan:
+def following(motion: PeriodicMotion, speed: float = 0.0, pose: np.ndarray | None = None) -> Plan:
     """Return the plan to follow a motion. The log gets the "target" (T, N, n) rad of the joints.
 
     Args:

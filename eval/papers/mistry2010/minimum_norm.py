@@ -32,7 +32,7 @@ _BASE_FIRST = 1e3
 _EDGES = 12
 
 
-class Problem(NamedTuple):
+class MotionProblem(NamedTuple):
     """Accelerations that are asked for at T states of a motion of the biped."""
 
     asked: Equation  # equation of motion with these accelerations
@@ -43,7 +43,7 @@ class Problem(NamedTuple):
     active: np.ndarray  # (T, P) bool, points that are planned to be down
 
 
-def problem_of(motion: MotionTable, every: int, size: float) -> Problem:
+def problem_of(motion: MotionTable, every: int, size: float) -> MotionProblem:
     """Ask for the reference's accelerations and `size` m/s^2 of the base in random directions."""
     robot, rows = load("biped"), np.arange(0, motion.period, every)
     reference = motion.reference(rows, np.zeros(len(rows)))
@@ -55,10 +55,10 @@ def problem_of(motion: MotionTable, every: int, size: float) -> Problem:
     found = orthogonal_inverse_dynamics(*asked, base_priority=_BASE_FIRST)
     force = np.matvec(asked.mass_matrix, found.acceleration) + asked.bias
     achieved = asked._replace(acceleration=found.acceleration)
-    return Problem(asked, achieved, force, found.torque, point_map, active)
+    return MotionProblem(asked, achieved, force, found.torque, point_map, active)
 
 
-def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
+def limited(problem: MotionProblem, friction: float) -> LimitedInverseDynamics:
     """Torques with limited forces, and the share of the weight that these miss."""
     return limited_inverse_dynamics(
         *problem.asked,
@@ -71,7 +71,7 @@ def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
     )
 
 
-def compared(problem: Problem, friction: float) -> dict[str, float]:
+def compared(problem: MotionProblem, friction: float) -> dict[str, float]:
     """The limited form beside eq. (15): norm, wrench that is missed, forces that are at fault."""
     found = limited(problem, friction)
     sizes = (np.linalg.norm(torque, axis=1) for torque in (found.torque, problem.least))
@@ -82,7 +82,7 @@ def compared(problem: Problem, friction: float) -> dict[str, float]:
     }
 
 
-def _others(problem: Problem, rng: np.random.Generator) -> list[np.ndarray]:
+def _others(problem: MotionProblem, rng: np.random.Generator) -> list[np.ndarray]:
     """Torques with the same accelerations, away from the least in random directions."""
     rows, _ = free_motions(problem.achieved.jacobian)
     found = []
@@ -94,7 +94,7 @@ def _others(problem: Problem, rng: np.random.Generator) -> list[np.ndarray]:
     return found
 
 
-def _impossible(problem: Problem, friction: float) -> np.ndarray:
+def _impossible(problem: MotionProblem, friction: float) -> np.ndarray:
     """Whether the forces that belong to eq. (15), by eq. (17), need a pull or a slip: (T,) bool.
 
     A sole's four points can share its wrench in many ways. It counts as possible if any of them

@@ -13,7 +13,7 @@ from eval.papers.mistry2010.laws import Law, limited, orthogonal
 from eval.papers.mistry2010.laws import rivals as rival_laws
 from eval.papers.mistry2010.squats import JOINTS, joint_columns
 from eval.papers.mistry2010.stepper import Stepper
-from eval.papers.trial import Controller, Disturbance, Trial, pushed, simulate
+from eval.papers.trial import Disturbance, TickController, Trial, pushed, simulate
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.robots import Robot, load
@@ -34,7 +34,7 @@ CELLS = (("crouched", OURS), ("crouched", LIMITED), ("crouched", PAPER), ("uprig
 EVERY = 10
 
 
-def controller(robot: Robot, motion: str, name: str) -> Controller:
+def controller(robot: Robot, motion: str, name: str) -> TickController:
     """Return the paper's controller, the same with limited forces, or ours."""
     if name == OURS:
         return Stepper(robot, MOTIONS[motion])

@@ -15,7 +15,7 @@ import tyro
 
 from eval.page.docs import BENCHMARK_PAGE, splice, spliced
 from eval.tools.bench import environments, laws, layers, learning, processes
-from eval.tools.bench.figures import Section
+from eval.tools.bench.figures import FigureTable
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.options import Choice, Each, Whole
@@ -24,7 +24,7 @@ from train.command import run_command
 from train.runs.files import check_folder, to_json, write
 from train.runs.versions import versions
 
-MEASURES: dict[str, Callable[["BenchConfig"], Section]] = {
+MEASURES: dict[str, Callable[["BenchConfig"], FigureTable]] = {
     "laws": lambda c: laws.per_tick(c.robots, c.num_envs, c.rounds),
     "controllers": lambda c: layers.on_their_tasks(c.num_envs, c.rounds),
     "walking": lambda c: layers.walking(c.num_envs, c.rounds),

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.figures import Figure, FigureTable, Limit
 from eval.tools.bench.timing import Clock, Measure, added, in_turns
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.envs.simulation import Simulation
@@ -83,7 +83,7 @@ def _relative(
     ]
 
 
-def by_layer(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+def by_layer(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> FigureTable:
     """Environment steps per second of every layer, relative to the layer `torque`."""
     figures: list[Figure] = []
     for robot in robots:
@@ -94,7 +94,7 @@ def by_layer(robots: Sequence[str], layers: list[str], num_envs: int, rounds: in
         }
         base = dict.fromkeys(stretches, f"{robot}, `torque`")
         figures += _relative(stretches, base, num_envs, rounds, RELATIVE_LIMITS)
-    return Section(
+    return FigureTable(
         f"Environment steps by layer (N = {num_envs}, one thread)",
         "CPU time. A step is one policy step of one robot: 10 control ticks, 20 physics steps, "
         "observation and reward. Figure: speed relative to `torque`.",
@@ -103,7 +103,7 @@ def by_layer(robots: Sequence[str], layers: list[str], num_envs: int, rounds: in
     )
 
 
-def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: int) -> FigureTable:
     """Environment steps per second with two threads, relative to one; physics alone beside it."""
     figures: list[Figure] = []
     for robot in robots:
@@ -118,7 +118,7 @@ def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: 
         base = {what: f"{what} 1" for what in stretches if f"{what} 1" in stretches}
         limits = {what: THREAD_LIMIT for what in base if robot == "biped" and what != alone}
         figures += _relative(stretches, base, num_envs, rounds, limits)
-    return Section(
+    return FigureTable(
         f"Two threads (N = {num_envs})",
         "Wall-clock time of the whole step, law included. Figure: speed relative to one thread. "
         "Physics alone is what the machine's second core is worth.",
@@ -127,7 +127,7 @@ def by_threads(robots: Sequence[str], layers: list[str], num_envs: int, rounds: 
     )
 
 
-def several_robots(rounds: int) -> Section:
+def several_robots(rounds: int) -> FigureTable:
     """Environment steps per second of several robots in a list, relative to as many of one."""
     figures: list[Figure] = []
     layer: dict[str, Any] = {
@@ -144,7 +144,7 @@ def several_robots(rounds: int) -> Section:
             for name, kinds in (("one", 1), (what, robots))
         }
         figures += _relative(stretches, {what: "one"}, count, rounds, {what: MIXED_LIMIT})
-    return Section(
+    return FigureTable(
         "Several robots in one batch (one thread)",
         "CPU time. `go1`, several times in the list and so stepped as different robots would be, "
         "walks through `base_acceleration`. Figure: speed relative to as many environments of one "

@@ -42,7 +42,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Section:
+class FigureTable:
     """A table of figures."""
 
     title: str

@@ -5,7 +5,7 @@ from itertools import cycle
 
 import numpy as np
 
-from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.figures import Figure, FigureTable, Limit
 from eval.tools.bench.timing import Measure, Timed, added, in_turns, timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
@@ -29,7 +29,7 @@ LIMITS = {
 }
 
 
-def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
+def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> FigureTable:
     """Time terms and laws in a closed loop that stands, tick by tick beside the physics."""
     figures = []
     found = in_turns({robot: _standing(robot, num_robots) for robot in robots}, rounds)
@@ -53,7 +53,7 @@ def per_tick(robots: Sequence[str], num_robots: int, rounds: int) -> Section:
             )
             for name, values in shown.items()
         ]
-    return Section(
+    return FigureTable(
         f"Laws (N = {num_robots}, one thread)",
         "CPU time per robot and control tick, standing on all feet; forces warm-started from the "
         "tick before and solved to their default tolerance. Eq. 15 for an acceleration that is "

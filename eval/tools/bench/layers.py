@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from eval.tools.bench.environments import BALANCE, zero_action
-from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.figures import Figure, FigureTable, Limit
 from eval.tools.bench.timing import Measure, Timed, added, in_turns, timed_physics
 from eval.zero_actions.measures import begin
 from fbid_gym.actions.base_acceleration import BaseAcceleration
@@ -63,9 +63,9 @@ SINGLE_ROUNDS = 10
 over a batch."""
 
 
-def on_their_tasks(num_envs: int, rounds: int) -> Section:
+def on_their_tasks(num_envs: int, rounds: int) -> FigureTable:
     """Time layers, terms and reference included, in closed loop beside the physics."""
-    return Section(
+    return FigureTable(
         f"Controllers on their tasks (N = {num_envs}, one thread)",
         "CPU time of the layer with the terms it asks for, on zero action and the task's default "
         "pushes, in half a second from a reset. Figure: relative to the physics steps it drives.",
@@ -74,9 +74,9 @@ def on_their_tasks(num_envs: int, rounds: int) -> Section:
     )
 
 
-def walking(num_envs: int, rounds: int) -> Section:
+def walking(num_envs: int, rounds: int) -> FigureTable:
     """Time steps of vector environments on one thread, and the physics in them."""
-    return Section(
+    return FigureTable(
         f"Walking (N = {num_envs}, one thread)",
         "CPU time of `gym.make_vec(...).step` on zero action: gait, layer, observation, reward, "
         "`info`, resets. Figure: all but the physics, relative to it; cost per robot and control "
@@ -86,10 +86,10 @@ def walking(num_envs: int, rounds: int) -> Section:
     )
 
 
-def conditions(num_envs: int, rounds: int) -> Section:
+def conditions(num_envs: int, rounds: int) -> FigureTable:
     """Time what sensors and motors of robots take, and what laws do about these."""
     walks = "QuadrupedWalk-v0", "BipedWalk-v0"
-    return Section(
+    return FigureTable(
         f"Robots as they are (N = {num_envs}, one thread)",
         f"CPU time of walking through `base_acceleration` on zero action, {WALKING_STEPS} steps "
         'from a reset: of sensors and estimator at `sensors="mems"`; of the motors of '
@@ -103,12 +103,12 @@ def conditions(num_envs: int, rounds: int) -> Section:
     )
 
 
-def single(robots: Sequence[str], layers: list[str], rounds: int) -> Section:
+def single(robots: Sequence[str], layers: list[str], rounds: int) -> FigureTable:
     """Microseconds beyond physics per control tick of a single robot, by layer."""
     cases = [(robot, layer) for robot in robots for layer in layers]
     found = in_turns({case: _one(*case) for case in cases}, SINGLE_ROUNDS * rounds)
     micros = {case: values / (SINGLE_STEPS * Rates().ticks) * 1e6 for case, values in found.items()}
-    return Section(
+    return FigureTable(
         "One robot",
         f"`gym.make(...).unwrapped`, {SINGLE_STEPS} policy steps from a reset. Figure: time of "
         "everything beyond the physics (layer, observation, reward, `info`), per control tick, "
@@ -127,13 +127,13 @@ def single(robots: Sequence[str], layers: list[str], rounds: int) -> Section:
     )
 
 
-def controller(names: list[str], rounds: int) -> Section:
+def controller(names: list[str], rounds: int) -> FigureTable:
     """Microseconds of a tick of `fbid_gym.runtime.Controller`, by the policy that it runs."""
     cases = {f"{name}, {told}": (name, told) for name in names for told in ("state", "readings")}
     found = in_turns(
         {words: _ticks(*case) for words, case in cases.items()}, SINGLE_ROUNDS * rounds
     )
-    return Section(
+    return FigureTable(
         "A robot's controller",
         f"`fbid_gym.runtime.Controller.tick` of a robot at home, {CONTROLLER_TICKS} ticks, told "
         'its state, or what its sensors of the kind "mems" read, of which it makes an estimate. '

@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 import fbid_gym
-from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.figures import Figure, FigureTable, Limit
 from eval.tools.bench.timing import added, in_turns
 from train.algorithms import ALGORITHMS
 from train.learner import build
@@ -39,7 +39,7 @@ def _humanoids() -> SubprocVecEnv:
     return SubprocVecEnv([partial(gym.make, "Humanoid-v5")] * WORKERS)
 
 
-def frames(layers: list[str], rounds: int) -> Section:
+def frames(layers: list[str], rounds: int) -> FigureTable:
     """Frames per second of PPO by environment and layer, relative to Humanoid-v5.
 
     All learn as the recipe of the first environment has it: the same network, epochs, batches and
@@ -83,7 +83,7 @@ def frames(layers: list[str], rounds: int) -> Section:
         )
         for name, values in rates.items()
     ]
-    return Section(
+    return FigureTable(
         "PPO",
         f"stable-baselines3 PPO, rollouts and updates, as the recipe has it with "
         f"{first.num_envs} robots, on {first.threads} threads, torch on {first.learning_threads} "

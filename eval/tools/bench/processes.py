@@ -15,7 +15,7 @@ import numpy as np
 import psutil
 
 from eval.tools.bench.environments import BALANCE, zero_action
-from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.figures import Figure, FigureTable, Limit
 
 FEW, MANY = 64, 320
 LONG = 10_000
@@ -57,7 +57,7 @@ def _resident(*what: Any) -> tuple[float, float]:
         return fresh.submit(_measure, *what).result()
 
 
-def resident(robots: Sequence[str], layer: str = "base_acceleration") -> Section:
+def resident(robots: Sequence[str], layer: str = "base_acceleration") -> FigureTable:
     """Resident memory per added robot, and its growth over 10,000 policy steps."""
     figures = []
     for robot in robots:
@@ -80,7 +80,7 @@ def resident(robots: Sequence[str], layer: str = "base_acceleration") -> Section
                 GROWTH_LIMIT,
             )
         )
-    return Section(
+    return FigureTable(
         "Resident memory",
         f"`{layer}`, each in a fresh process. Figure: growth in MB.",
         "MB",
@@ -101,7 +101,7 @@ def _seconds(env: str, layer: str, folder: str) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def first_use(layer: str = "base_acceleration") -> Section:
+def first_use(layer: str = "base_acceleration") -> FigureTable:
     """A first use and the next, each in a fresh process."""
     figures = []
     for env in FIRST_USES:
@@ -111,7 +111,7 @@ def first_use(layer: str = "base_acceleration") -> Section:
         figures.append(
             Figure.of(env.removeprefix("fbid_gym/"), cost, np.array([first]), FIRST_USE_LIMIT)
         )
-    return Section(
+    return FigureTable(
         "First use",
         f"From an empty cache: import, `gym.make` with `{layer}`, `reset`, one `step`."
         " Figure: CPU seconds.",

@@ -16,7 +16,7 @@ _FIRST = "base_acceleration"
 described = cache(page)  # id of an environment -> the package's page of it
 
 
-class Scene(NamedTuple):
+class EnvironmentClip(NamedTuple):
     """The clip of an environment."""
 
     env_id: str
@@ -24,7 +24,7 @@ class Scene(NamedTuple):
     """The policy that acts; None where none is shipped, then the zero action does."""
 
     @classmethod
-    def of(cls, env_id: str) -> "Scene":
+    def of(cls, env_id: str) -> "EnvironmentClip":
         """Choose who acts: of several shipped policies one through the layer of the others."""
         found = shipped_for(env_id)
         return cls(env_id, min(found, key=lambda each: each.layer != _FIRST, default=None))
@@ -62,7 +62,7 @@ def pages(clips: Collection[str]) -> dict[str, str]:
     """Return the pages, file name -> Markdown, with those clips that there are."""
     found = {"index.md": _index()}
     for env_id in ENVIRONMENTS:
-        found[f"{short(env_id)}.md"] = _page(env_id, Scene.of(env_id).file in clips)
+        found[f"{short(env_id)}.md"] = _page(env_id, EnvironmentClip.of(env_id).file in clips)
     return found
 
 
@@ -90,7 +90,7 @@ def _page(env_id: str, clip: bool) -> str:
     beginning, rest = described(env_id).split("\n\n## ", 1)
     parts = [beginning]
     if clip:
-        scene = Scene.of(env_id)
+        scene = EnvironmentClip.of(env_id)
         parts.append(
             f'<video src="{scene.file}" controls loop muted playsinline width="480"></video>\n\n'
             f"{scene.caption}"

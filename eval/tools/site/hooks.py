@@ -14,7 +14,7 @@ from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from eval.tools.site.environments import Scene
+from eval.tools.site.environments import EnvironmentClip
 from eval.tools.site.pages import EXAMPLES, pages
 from eval.tools.site.pictures import FOLDER
 from fbid_gym.envs import ENVIRONMENTS
@@ -34,7 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, content=text))
     for path in sorted(EXAMPLES.rglob("*.py")):
         files.append(File.generated(config, str(path), abs_src_path=str(path.resolve())))
-    current = {Scene.of(env_id).file for env_id in ENVIRONMENTS}
+    current = {EnvironmentClip.of(env_id).file for env_id in ENVIRONMENTS}
     for path in sorted(FOLDER.rglob("*.*")):
         if path.suffix == ".svg" or path.name in current:  # not clips of policies that are gone
             name = path.relative_to(FOLDER).as_posix()

@@ -13,7 +13,7 @@ import tyro
 
 from eval.page.figures import Marks, Series, colours_of, panel, sheet
 from eval.rollout import Player, filmed
-from eval.tools.site.environments import Scene
+from eval.tools.site.environments import EnvironmentClip
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
@@ -92,7 +92,7 @@ def chart(layer: str, responses: dict[str, Response]) -> str:
     )
 
 
-def film(scene: Scene, seconds: float = _SECONDS) -> bytes:
+def film(scene: EnvironmentClip, seconds: float = _SECONDS) -> bytes:
     """Film a scene: an mp4 file."""
     policy = None if scene.shipped is None else Policy.load(scene.shipped.path)
     arguments = {**scene.env_args, "render_options": {}}
@@ -111,7 +111,7 @@ def main(anew: bool = False, clips: bool = True) -> None:
         responses = {layer: respond(layer) for layer in LAYERS}
         for layer, path in charts.items():
             write(path, chart(layer, responses))
-    for scene in map(Scene.of, ENVIRONMENTS) if clips else ():
+    for scene in map(EnvironmentClip.of, ENVIRONMENTS) if clips else ():
         path = FOLDER / "environments" / scene.file
         if anew or not path.exists():
             try:

@@ -163,7 +163,7 @@ _ROOM = 0.9  # share of the joints' range that bent legs may use
 _IDLE = 0.05  # of the knee's turn; joints that turn less do not count
 
 
-class Pattern(NamedTuple):
+class FlatPattern(NamedTuple):
     """A gait of two flat feet, whatever the robot's size.
 
     In units of weight, gravity, the leg's length l (`Stance.size`) and the speed sqrt(g l).
@@ -185,10 +185,10 @@ class Pattern(NamedTuple):
 
 
 PATTERNS = {
-    "walk": Pattern(
+    "walk": FlatPattern(
         WALK_CYCLE, 0.25, 0.4, 2.0, 0.07, 0.03, 0.04, 0.17, 0.14, (1.0, 1.0), math.inf, 0.0, 0.0
     ),
-    "brisk_walk": Pattern(
+    "brisk_walk": FlatPattern(
         None, 0.1, 0.1, 4.0, 0.03, 0.06, 0.18, 0.32, 0.0, (1.2, 2.8), 1.5, 0.0, 0.3
     ),
 }
@@ -288,7 +288,7 @@ def default_cycle(robot: Robot, name: str) -> float:
     return _bent(robot, PATTERNS[name])[2]
 
 
-def _bent(robot: Robot, pattern: Pattern) -> tuple[float, float, float, float, float]:
+def _bent(robot: Robot, pattern: FlatPattern) -> tuple[float, float, float, float, float]:
     """How low and quickly a robot walks, and the shares of velocity and haste that its legs can do.
 
     Returns: m lower than at home, 1/s at which it falls then, pendulum times of a cycle, shares.

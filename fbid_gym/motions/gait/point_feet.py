@@ -129,7 +129,7 @@ def _move_body(
         target.com[i, axis] = com + memory.settled[i] * (middle[axis] - com)
 
 
-class Step(NamedTuple):
+class FootStep(NamedTuple):
     """State of one foot of one robot."""
 
     robot: int  # which
@@ -206,7 +206,7 @@ def lift_or_land(
     memory: PointGaitMemory,
     i: int,
     foot: int,
-) -> Step:
+) -> FootStep:
     """Decide the mode of a foot, and the load that it may carry."""
     schedule, walking = gait.schedule, memory.walking[i]
     period, swing = schedule.period / command.rate[i], 1.0 - schedule.duty
@@ -221,7 +221,7 @@ def lift_or_land(
     change = tick / gait.unload
     load = memory.load[i, foot] + (-change if leaves else change)
     memory.load[i, foot] = min(max(load, 0.0), 1.0) if mode == STANCE else 0.0
-    return Step(i, foot, mode, mode != before, swing * period, share)
+    return FootStep(i, foot, mode, mode != before, swing * period, share)
 
 
 _RAMP = 0.4  # pendulum times in which a foot that finds no ground comes to reach for it
@@ -233,7 +233,7 @@ def swing_or_reach(
     command: GaitCommand,
     terms: DynamicsTerms,
     plane: Plane,
-    step: Step,
+    step: FootStep,
     tick: float,
     memory: PointGaitMemory,
     target: Target,
@@ -284,7 +284,7 @@ def _find_foothold(
     command: GaitCommand,
     terms: DynamicsTerms,
     plane: Plane,
-    step: Step,
+    step: FootStep,
     memory: PointGaitMemory,
     target: Target,
 ) -> None:

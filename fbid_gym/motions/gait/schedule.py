@@ -24,7 +24,7 @@ class Schedule(NamedTuple):
     lift: np.ndarray  # (F,) phase at which each foot lifts, in [0, 1)
 
 
-class Pattern(NamedTuple):
+class FootPattern(NamedTuple):
     """A gait of four feet, whatever the robot's size."""
 
     period: float  # of a cycle, in units of sqrt(h / g), in which a robot that is h tall falls
@@ -37,12 +37,12 @@ class Pattern(NamedTuple):
 
 
 PATTERNS = {
-    "trot": Pattern(2.5, 0.55, (0.0, 0.5, 0.5, 0.0)),
-    "short_trot": Pattern(1.8, 0.55, (0.0, 0.5, 0.5, 0.0), 0.8, 0.15, 0.08),
-    "walk": Pattern(4.0, 0.78, (0.25, 0.75, 0.0, 0.5)),
-    "pace": Pattern(1.7, 0.6, (0.0, 0.5, 0.0, 0.5)),
-    "bound": Pattern(1.8, 0.7, (0.0, 0.0, 0.5, 0.5)),
-    "stand": Pattern(2.9, 1.0, (0.0, 0.0, 0.0, 0.0)),
+    "trot": FootPattern(2.5, 0.55, (0.0, 0.5, 0.5, 0.0)),
+    "short_trot": FootPattern(1.8, 0.55, (0.0, 0.5, 0.5, 0.0), 0.8, 0.15, 0.08),
+    "walk": FootPattern(4.0, 0.78, (0.25, 0.75, 0.0, 0.5)),
+    "pace": FootPattern(1.7, 0.6, (0.0, 0.5, 0.0, 0.5)),
+    "bound": FootPattern(1.8, 0.7, (0.0, 0.0, 0.5, 0.5)),
+    "stand": FootPattern(2.9, 1.0, (0.0, 0.0, 0.0, 0.0)),
 }
 """Diagonal pairs, by long steps and by short and low ones; one foot after the other, each hind foot
 before the front foot of its side; pairs of one side; front and hind pairs; none. The short trot

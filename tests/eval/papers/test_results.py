@@ -7,7 +7,7 @@ import pytest
 from eval.page import html
 from eval.papers.experiment import Finding, Setting, curves, experiment, load, named, perform, row
 from eval.papers.mistry2010.continuity import claim_continuity
-from eval.papers.page import Section, page, summary
+from eval.papers.page import ExperimentSection, page, summary
 from eval.papers.registry import Paper, experiments
 from fbid_gym.errors import RunError, UnknownOptionError
 from train.runs.files import read_json
@@ -79,8 +79,8 @@ def test_experiments_are_chosen_by_their_names_or_their_papers():
 
 def test_page_and_summary_hold_every_number_that_the_paper_has(tmp_path):
     perform(example, tmp_path, quick=True)
-    own = Section(example, *load(example, tmp_path), "python -m x")
-    shown = own, Section(example, None, "<b>", "python -m y")
+    own = ExperimentSection(example, *load(example, tmp_path), "python -m x")
+    shown = own, ExperimentSection(example, None, "<b>", "python -m y")
     papers = [(Paper("A paper", "", ()), shown)]
     text = summary(papers)
     told = "hip \\| knee < 1 | 0.1 rad | **0.2 rad** | at most 0.1 rad (missed) |"

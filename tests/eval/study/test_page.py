@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from eval.results import Estimate
-from eval.robustness.curves import Along, Budget, Curve, Robustness
+from eval.robustness.curves import Along, Budget, Robustness, Trend
 from eval.study.__main__ import StudyConfig, main
 from eval.study.cells import robustness_file
 from eval.study.findings import findings
@@ -36,7 +36,7 @@ def test_the_page_says_all_of_it_and_runs_nothing_of_files(study, tmp_path):
 
 
 def measured_robustness(arm, run):
-    curve = Curve([Estimate(1.0, 0.9, 1.0), Estimate(0.5, 0.4, 0.6)], Estimate(0.7, 0.6, 0.8))
+    curve = Trend([Estimate(1.0, 0.9, 1.0), Estimate(0.5, 0.4, 0.6)], Estimate(0.7, 0.6, 0.8))
     along = [Along("push", [0.0, 0.5], {name: {arm: curve} for name in ("survived", "returned")})]
     return Robustness(
         "fbid_gym/QuadrupedWalk-v0", {}, Budget(4, 0), ("survived", "returned"),

@@ -7,7 +7,7 @@ import pytest
 from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer, stance_rotation_inertia
 from eval.papers.garofalo2015.bout import Blow, bout, settling_time, unrealised
 from eval.papers.garofalo2015.largest_blow import FIRST, largest
-from eval.papers.garofalo2015.pendulum import Pendulum
+from eval.papers.garofalo2015.pendulum import PendulumBlow
 from eval.papers.garofalo2015.tracking import goals, swaying
 from eval.papers.garofalo2015.uneven import BLOCKS, stance
 from eval.papers.log import Log
@@ -21,7 +21,7 @@ LEGS = ("hip", "knee", "ankle")
 
 @pytest.mark.parametrize("name", COLOUR)
 def test_every_balancer_stands_and_takes_a_small_blow(name):
-    robot, pendulum = load("humanoid"), Pendulum()
+    robot, pendulum = load("humanoid"), PendulumBlow()
     sides = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     blow = Blow(0.3, sides, np.full(2, 4.0))
     log = simulate(bout(robot, pendulum, blow, 1.0, every=5), Balancer(robot, name))
@@ -37,7 +37,7 @@ def test_every_balancer_stands_and_takes_a_small_blow(name):
 
 
 def test_a_blow_that_is_too_much_is_a_fall():
-    robot, pendulum = load("humanoid"), Pendulum(energy=400.0)
+    robot, pendulum = load("humanoid"), PendulumBlow(energy=400.0)
     blow = Blow(0.1, np.array([[1.0, 0.0, 0.0]]), np.array([400.0]))
     log = simulate(bout(robot, pendulum, blow, 4.0, every=5), Balancer(robot, GAROFALO))
     assert not log.survived[0] and 0.1 < log.fell[0] < 3.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.papers.garofalo2015.pendulum import Bob, Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.pendulum import Bob, PendulumBlow, world_with_pendulum
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
 from fbid_gym.runtime.rates import Rates
@@ -39,8 +39,8 @@ def energy_of(bob, pendulum):
 
 
 def test_defaults_are_the_papers():
-    assert Pendulum().mass == 5.0 and Pendulum().energy == ENERGY
-    assert speed_of(Pendulum()) == pytest.approx(np.sqrt(2 * 9.81 * 0.3547), rel=1e-3)  # 35 cm
+    assert PendulumBlow().mass == 5.0 and PendulumBlow().energy == ENERGY
+    assert speed_of(PendulumBlow()) == pytest.approx(np.sqrt(2 * 9.81 * 0.3547), rel=1e-3)  # 35 cm
 
 
 @pytest.mark.parametrize("name", ["humanoid", "biped", "quadruped"])
@@ -49,7 +49,7 @@ def test_energy_at_the_impact_and_momentum_exchanged(name):
     robot = load(name)
     scale = robot.mass / load("humanoid").mass
     reach = 0.15 if name != "quadruped" else 0.05
-    pendulum = Pendulum(mass=5.0 * scale, energy=ENERGY * scale, target_radius=reach)
+    pendulum = PendulumBlow(mass=5.0 * scale, energy=ENERGY * scale, target_radius=reach)
     simulation, bob = scene(name, pendulum, 8, height=0.5)
     angle = 2 * np.pi * np.arange(8) / 8
     direction = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -75,7 +75,7 @@ def test_energy_at_the_impact_and_momentum_exchanged(name):
 @pytest.mark.parametrize("bounce", [0.2, 0.5, 0.8])
 def test_the_bounce_and_the_duration_are_those_asked_for(bounce):
     """Speed at parting over speed at meeting, of the two bodies' points of contact."""
-    pendulum = Pendulum(bounce=bounce, contact_seconds=0.03)
+    pendulum = PendulumBlow(bounce=bounce, contact_seconds=0.03)
     simulation, bob = scene("humanoid", pendulum, height=0.5)
     side = np.array([[0.0, 1.0, 0.0]])
     bob.swing(np.arange(1), side, np.array([ENERGY]))
@@ -94,7 +94,7 @@ def test_the_bounce_and_the_duration_are_those_asked_for(bounce):
 
 
 def test_the_robot_in_stance_is_pushed_to_the_side_once():
-    pendulum = Pendulum()
+    pendulum = PendulumBlow()
     simulation, bob = scene("humanoid", pendulum)
     robot = simulation.robot
     bob.swing(np.arange(1), np.array([[0.0, 1.0, 0.0]]), np.array([ENERGY]))
@@ -113,7 +113,7 @@ def test_the_robot_in_stance_is_pushed_to_the_side_once():
 
 def test_it_touches_nothing_but_the_hip():
     """Shot along the floor through both feet, it meets nobody and keeps its speed."""
-    pendulum = Pendulum()
+    pendulum = PendulumBlow()
     simulation, bob = scene("humanoid", pendulum)
     bob.position[0] = [0.0, -0.5, 0.04]
     bob.velocity[0] = [0.0, 2.0, 0.0]
