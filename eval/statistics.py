@@ -99,7 +99,7 @@ def crossing(each: np.ndarray, chance: Chance) -> Crossing:
 
 
 def first_crossing(x: Values, y: Values, threshold: float) -> float:
-    """Where a curve (K,) first reaches a threshold, linearly interpolated between its points.
+    """Find where a curve (K,) first reaches a threshold, by linear interpolation.
 
     A point that does not count is minus infinity, and then the next one that reaches the threshold
     is the time: what is not known in between is not guessed. It is x[0] if the curve starts at or

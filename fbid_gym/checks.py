@@ -97,7 +97,7 @@ def contiguous(array: np.ndarray) -> np.ndarray:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a real number that a float can hold; True and False are none."""
+    """Return whether a value is a real number that a float can hold; True and False are none."""
     if isinstance(value, int) and not isinstance(value, bool):
         return abs(value) <= sys.float_info.max
     return isinstance(value, float | np.integer | np.floating)

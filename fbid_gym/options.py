@@ -71,7 +71,7 @@ class Number:
         return f"from {_text(self.least)} to {_text(self.most)}{unit}"
 
     def holds(self, value: Any) -> bool:
-        """Whether it is such a number."""
+        """Return whether it is such a number."""
         return is_number(value) and bool(self.least <= value <= self.most)
 
     def check(self, name: str, value: Any) -> float:

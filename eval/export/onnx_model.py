@@ -115,7 +115,7 @@ def metadata_of(policy: Policy, controller: Controller, name: str) -> dict[str, 
 
 
 def _scale(entry: str) -> float:
-    """What action 1 is in an entry's unit, as its name says."""
+    """Return action 1 in an entry's unit, as its name says."""
     told = re.search(r"\(x ([\d.e+-]+)", entry)
     return float(told[1]) if told else 1.0
 

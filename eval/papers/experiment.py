@@ -104,7 +104,7 @@ class Experiment:
         return self.run.__module__.split(".")[2]
 
     def folder(self, out: Path) -> Path:
-        """Where its data lie."""
+        """Return the folder of its data."""
         return out / self.paper / self.name
 
     def command(self, quick: bool) -> str:

@@ -155,7 +155,7 @@ def simulate(trial: Trial, controller: TickController) -> Log:
 
 
 def _fallen(terms: DynamicsTerms, height: np.ndarray, upright: np.ndarray) -> np.ndarray:
-    """Which robots lie: (N,) bool. Of the plan's height, not of home: a deep squat is no fall."""
+    """Tell which robots lie: (N,) bool. By the plan's height, not home's: one may squat deeply."""
     low = height_of(terms) < FALLEN_HEIGHT * height
     tilted = np.vecdot(terms.world_from_base[:, 2], upright) < np.cos(np.radians(FALLEN_TILT))
     return np.asarray(low | tilted)

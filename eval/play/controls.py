@@ -93,7 +93,7 @@ def shown(settings: Settings) -> RenderOptions:
 
 
 def _commands(stage: Stage) -> dict[str, Control]:
-    """What the task can be told."""
+    """Return the controls of the task's commands."""
     task = stage.task()
     if task.kind.gait:
         task = cast(Walk, task)

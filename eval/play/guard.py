@@ -8,7 +8,7 @@ MOST_BYTES = 2**16  # largest message from a viewer; a control's value needs far
 
 
 def foreign(request: Request) -> bool:
-    """Whether a page of another address asks for a connection: browsers say whose page it is.
+    """Tell whether a page of another address asks for a connection: browsers say whose page it is.
 
     Who says nothing is no browser, and could say what it likes.
     """

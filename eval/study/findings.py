@@ -307,7 +307,7 @@ def _final(each: Values, known: Sequence[Measure], chance: Chance) -> dict[str, 
 
 
 def _scores(each: Values, measure: Measure, most: float) -> np.ndarray:
-    """What is compared, more being better; of returns the share of what can be earned.
+    """Return the compared numbers, more is better; of returns the share of the greatest.
 
     Arms that decide at different rates add up different numbers of rewards.
     """

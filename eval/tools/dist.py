@@ -117,7 +117,7 @@ def wheel() -> Path:
 
 @pytest.fixture(scope="session")
 def user(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> User:
-    """Who has it."""
+    """Return a user who has it."""
     return User(tmp_path_factory.mktemp("user"), wheel)
 
 

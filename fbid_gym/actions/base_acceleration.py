@@ -106,7 +106,7 @@ class BaseAcceleration(LawLayer):
 
 
 def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
-    """What action 1 means, see `BaseAcceleration`: (6,) m/s^2 and rad/s^2."""
+    """Return the accelerations of action 1, see `BaseAcceleration`: (6,) m/s^2 and rad/s^2."""
     inertia, margin = np.diag(stance.terms.mass_matrix[0])[3:6], stance.margin
     linear = robot.gravity * np.minimum(margin / stance.home_com[2], friction)
     tilting = robot.weight * margin[::-1]  # a sideways shift rolls, a forward shift pitches

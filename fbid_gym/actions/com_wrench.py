@@ -287,7 +287,7 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
 
 
 def wrench_scale_of(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
-    """What action 1 means, see `ComWrench`: (6,) N and N·m."""
+    """Return the wrench of action 1, see `ComWrench`: (6,) N and N·m."""
     margin = stance.margin
     pressed = np.minimum(margin / stance.home_com[2], friction)
     return robot.weight * np.concatenate([pressed, [0.5], margin[::-1], [friction * stance.radius]])

@@ -157,7 +157,7 @@ def servo_fault(robot: Robot, control_hz: int, loop_delay: float = 0.0) -> str:
 
 
 def servos_carry(robot: Robot) -> bool:
-    """Whether the file's servos are stiff enough to carry the robot through a gait.
+    """Return whether the file's servos are stiff enough to carry the robot through a gait.
 
     On half of its feet, that is, and firmly: by twice the pull of its weight a Go1 falls.
     """

@@ -177,7 +177,7 @@ class LawLayer:
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:
-    """What a moment has to overcome to turn the base: (3, 3) kg·m², ahead, to the left and up.
+    """Return the inertia against turns of the base: (3, 3) kg·m², ahead, to the left and up.
 
     In the home stance, the angular momentum per angular velocity of the base while the feet, the
     centre of mass and the base's height stay, as far as legs can, and the joints move little.

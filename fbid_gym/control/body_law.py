@@ -276,7 +276,7 @@ def desired_acceleration(
 def _feet(
     law: LawConstants, grip: np.ndarray, target: Target, terms: DynamicsTerms, active: np.ndarray
 ) -> Feet:
-    """What the feet shall do, and what their points can bear."""
+    """Return the motion of the feet, and the forces that their points can bear."""
     (count, feet), points = target.planted.shape, active.shape[1]
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
     asking = Feet(asked, acceleration, active, np.empty((count, points, 3)))

@@ -105,7 +105,7 @@ def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.nd
 
 
 def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
-    """How readily coordinates depart from their desired acceleration: (nv,), one for joints.
+    """Return how readily coordinates depart from their desired acceleration: (nv,), 1 for joints.
 
     For the base that is one over `base_priority`, one or six weights of its squared accelerations.
 

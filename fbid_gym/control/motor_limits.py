@@ -124,7 +124,7 @@ def _range(
 def exceed_limits(
     line: TorqueLine, strength: float, qvel: np.ndarray, torque: np.ndarray, i: int
 ) -> bool:
-    """Whether a torque (n,) is more than motors can give; mostly none is, see `bound_forces`."""
+    """Tell whether a torque (n,) is beyond the motors; mostly none is, see `bound_forces`."""
     for j in range(len(torque)):
         if _excess(line, strength, qvel, torque, i, j) > _CLOSE:
             return True

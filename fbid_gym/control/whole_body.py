@@ -657,5 +657,5 @@ def missing_directions(terms: DynamicsTerms, i: int, work: Work) -> float:
 
 @compiled
 def _place(terms: DynamicsTerms, i: int, work: Work, point: int) -> Vector:
-    """Where a point on the ground is, m, world."""
+    """Return the place of a point on the ground, m, world."""
     return add(vector(terms.foot_position, (i, work.feet[point])), vector(work.arms, (point,)))

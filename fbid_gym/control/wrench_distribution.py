@@ -150,7 +150,7 @@ def _checked(
     path: tuple[np.ndarray, np.ndarray, np.ndarray | None],
     weight: float | np.ndarray,
 ) -> tuple[TorqueMap, ForcePath, np.ndarray, np.ndarray]:
-    """What both laws start from, the weights last, or the error that says what does not fit."""
+    """Check the arguments of both laws, the weights last; one error names what does not fit."""
     to_com, point_map, rotation = path
     sizes = contact_sizes(torque_map.jacobian)
     own_map = fitted_point_map(point_map, sizes)

@@ -119,7 +119,7 @@ class Stance:
         return self.radius or 1.0
 
     def mobility(self, base_priority: float) -> np.ndarray:
-        """How readily each coordinate departs from its desired acceleration: (nv,).
+        """Return how readily each coordinate departs from its desired acceleration: (nv,).
 
         One over its weight in "nearest": `base_priority` for the base, one for the joints. The
         base's position counts in heights of the centre of mass, so that no unit matters.
@@ -187,7 +187,7 @@ def _turns(terms: DynamicsTerms, foot: int, leg: np.ndarray) -> np.ndarray:
 
 
 def _moves(terms: DynamicsTerms) -> np.ndarray:
-    """Which joint moves which foot: (F, n) bool."""
+    """Tell which joint moves which foot: (F, n) bool."""
     return np.asarray(np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0)
 
 
@@ -201,7 +201,7 @@ def _hips(robot: Robot, terms: DynamicsTerms, legs: np.ndarray) -> np.ndarray:
 
 
 def _margin(points: np.ndarray, axis: int) -> float:
-    """How far the origin can move along an axis, either way, within the hull of points (P, 2).
+    """Find how far the origin can move along an axis, either way, in the hull of points (P, 2).
 
     The hull's edges join two points each, and no other two are joined farther out: the line along
     the axis leaves the hull at the outermost of its crossings with what joins any two points.

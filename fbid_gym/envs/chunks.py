@@ -176,7 +176,7 @@ class Chunks:
         return state | {"config": np.frombuffer(config.encode(), np.uint8).copy()}
 
     def _named_kinds(self) -> list[tuple[str, list[EnvBatch]]]:
-        """How the names in a state begin of each robot's arrays, and its chunks."""
+        """Return the beginnings of each robot's names in a state, and its chunks."""
         if len(self.kinds) == 1:
             return [("", self.kinds[0])]
         return [(f"{number}.", batches) for number, batches in enumerate(self.kinds)]
@@ -239,7 +239,7 @@ def _check_alike(first: EnvBatch, other: EnvBatch) -> None:
 
 
 def _read_config(packed: Any) -> dict[str, Any]:
-    """What environments are, of the "config" of their state."""
+    """Read the environments in the "config" of their state."""
     try:
         config = json.loads(np.asarray(packed, np.uint8).tobytes())
     except (TypeError, ValueError, OverflowError, RecursionError):

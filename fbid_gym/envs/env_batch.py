@@ -216,7 +216,7 @@ class EnvBatch:
         return self._progress.advance(error, self.task.tolerance, terminated, lasted)
 
     def _measures(self, outcome: Outcome) -> tuple[Any, Any]:
-        """What reward and metrics are made of, and what the observation is: as controllers know."""
+        """Measure the parts of reward and metrics, and the observation as controllers know it."""
         actual = self.loop.measure(outcome)
         if self.known is self._state:
             return actual, actual
@@ -262,7 +262,7 @@ class EnvBatch:
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
-        """What a step's info says of robots and layer, beside rewards and metrics."""
+        """Return a step's info of robots and layer, beside rewards and metrics."""
         tiles, ground = self.terrain.tiles, dict[str, np.ndarray]()
         if tiles.kinds.size:  # of several kinds
             ground["terrain_kind"] = tiles.kind(self._state.qpos[:, :2])
@@ -313,7 +313,7 @@ class EnvBatch:
         return state
 
     def _remembered(self) -> dict[str, Mapping[str, np.ndarray]]:
-        """What goes on from step to step, by its part of a state; live."""
+        """Return the live arrays that last from step to step, by their part of a state."""
         return {
             "simulation": self.simulation.arrays,
             "plant": self.plant.arrays,

@@ -23,7 +23,7 @@ def check_fits(policy: Policy, robot: Robot, observation_size: int, action_size:
 
 
 def sees_the_body(policy: Policy) -> bool:
-    """Whether a policy sees body and feet alone, which mean the same on every robot."""
+    """Return whether a policy sees body and feet alone, which mean the same on every robot."""
     return policy.env_args.get("observation") == BODY
 
 

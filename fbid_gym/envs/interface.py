@@ -84,7 +84,7 @@ class Spec(EnvSpec):
 
 
 def _told(given: Any, meant: Any) -> Any:
-    """What a given argument means, as JSON holds it and `gym.make` takes it; infinity stays."""
+    """Return an argument as JSON holds it and `gym.make` takes it; infinity stays."""
     if isinstance(given, Mapping):
         return {name: _told(value, meant[name]) for name, value in given.items()}
     return given if isinstance(given, float) and np.isinf(given) else meant

@@ -80,7 +80,7 @@ class Mark:
 
 
 def size_of(stance: Stance) -> float:
-    """How large a robot is that stands, m: what marks are measured by."""
+    """Measure a robot that stands, m: marks are sized by it."""
     return float(2.3 * stance.home_base[2] + 3.5 * stance.radius) / 2.5
 
 

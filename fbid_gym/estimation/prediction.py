@@ -120,7 +120,7 @@ def _spread(own: Filter, middle: Rotation, belief: Belief, i: int) -> None:
 
 @compiled
 def _turned(velocity: Vector, position: Vector, feet: np.ndarray, k: int) -> Vector:
-    """What a turn of the unit takes from error k, per rad: row k of -(1, [v], [p], [d])."""
+    """Return the change of error k by a turn of the unit, per rad: row k of -(1, [v], [p], [d])."""
     axis = k % 3
     own = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
     if k < V:

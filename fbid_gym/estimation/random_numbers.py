@@ -47,7 +47,7 @@ def uniform(generator: np.ndarray) -> float:
 
 
 def _layers() -> tuple[np.ndarray, np.ndarray]:
-    """Where each layer ends, outermost first, and the bell's height there."""
+    """Compute where each layer ends, outermost first, and the bell's height there."""
     ends = np.zeros(_LAYERS + 1)
     ends[0], ends[1] = _AREA / math.exp(-0.5 * _TAIL**2), _TAIL
     for k in range(2, _LAYERS):

@@ -10,7 +10,7 @@ from fbid_gym.estimation.invariant_filter import BA, BG, Belief, Filter, R, V, s
 
 @compiled
 def has_gone_wrong(own: Filter, belief: Belief, vague: float, i: int) -> bool:
-    """Whether an estimate can no longer be trusted; then it begins anew, and `restarts` count that.
+    """Tell whether an estimate is no longer to be trusted; it begins anew, which `restarts` count.
 
     The variance of the velocity is `vague`, m^2/s^2.
     """

@@ -301,7 +301,7 @@ def _table(
     bump = Curve(height(share), *rates)
 
     def centres(spin: np.ndarray, rate: np.ndarray) -> Curve:
-        """Where the spheres' centres are, for feet that roll with this spin."""
+        """Place the spheres' centres, for feet that roll with this spin."""
         places = Curve(*np.zeros((3, ticks, robot.num_feet, 3)))
         for foot, (lift, touch) in schedule.items():
             # Along the ground, a sphere moves by its radius times the angle it turns.

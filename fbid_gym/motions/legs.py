@@ -179,7 +179,7 @@ def refuse_beyond(robot: Robot, margin: float) -> None:
 def _ahead(
     robot: Robot, legs: PitchLegs, knee: np.ndarray, ankle: np.ndarray, pitch: np.ndarray
 ) -> np.ndarray:
-    """How far the centre of mass is ahead of the centre of the soles in K postures, (K,) m."""
+    """Find how far the centre of mass is ahead of the soles' centre in K postures, (K,) m."""
     postures = bent(
         robot, legs, *(Curve(angle, 0 * angle, 0 * angle) for angle in (knee, ankle, pitch))
     )

@@ -149,7 +149,7 @@ def _check_numbers(element: str, attributes: dict[str, str], label: str) -> None
 
 
 def _product(attributes: dict[str, str], names: tuple[str, ...]) -> float:
-    """How many; 1 where that is not said, or not in numbers."""
+    """Count them; 1 where that is not said, or not in numbers."""
     words = (word for name in names for word in attributes.get(name, "").split())
     return math.prod(max(number, 1.0) for word in words if (number := _number(word)) is not None)
 

@@ -122,7 +122,7 @@ def _cut(points: np.ndarray, far: float) -> tuple[float, np.ndarray]:
 def _whole_foot(
     home: MeasuredModel, bodies: Mapping[int, mujoco.MjsBody], body: int
 ) -> dict[str, object]:
-    """What a sensor matches to count all contacts of a body, and of what is welded to it.
+    """Return the match of a sensor of all contacts of a body, and of those welded to it.
 
     MuJoCo matches one body, or one with all that hangs from it: the latter where nothing that
     hangs there moves by itself.

@@ -172,7 +172,7 @@ def motor_table(motors: Any) -> MotorTable:
 
 
 def _given(table: MotorTable) -> dict[str, Any]:
-    """What of a table differs from its defaults."""
+    """Return the entries of a table that differ from its defaults."""
     told = {field.name: (getattr(table, field.name), field.default) for field in fields(table)}
     return {name: value for name, (value, default) in told.items() if value != default}
 

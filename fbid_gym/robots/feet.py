@@ -113,13 +113,13 @@ def foot_of_body(home: MeasuredModel, name: str, body: int) -> Foot:
 
 
 def named_by_body(model: mujoco.MjModel, names: Sequence[str]) -> bool:
-    """Whether the names of a foot's points are one, and that of its body."""
+    """Return whether the names of a foot's points are one, and that of its body."""
     body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
     return len(names) == 1 and body > 0 and not is_point(model, names[0])
 
 
 def is_point(model: mujoco.MjModel, name: str) -> bool:
-    """Whether a site or a sphere or capsule has this name."""
+    """Return whether a site or a sphere or capsule has this name."""
     geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
     return mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name) >= 0 or (
         geom >= 0 and bool(_is_round(model)[geom])

@@ -54,7 +54,7 @@ def mend_meshes(
 
 
 def is_readable(path: Path) -> bool:
-    """Whether MuJoCo reads a mesh: of an STL binary ones alone, and no larger ones."""
+    """Return whether MuJoCo reads a mesh: of an STL binary ones alone, and no larger ones."""
     suffix = path.suffix.lower()
     if suffix != ".stl":
         return suffix in _READABLE

@@ -53,7 +53,7 @@ def convex_hull(points: np.ndarray) -> list[int]:
 
 
 def margin_within(points: np.ndarray, place: np.ndarray) -> float:
-    """How far a place (2,) lies within the hull of points (P, 2), m; negative outside."""
+    """Return how far a place (2,) lies within the hull of points (P, 2), m; negative outside."""
     corners = points[convex_hull(points)]
     ahead = np.roll(corners, -1, axis=0) - corners
     to_place = place - corners

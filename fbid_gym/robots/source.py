@@ -131,14 +131,14 @@ class Source:
 
 
 def is_published(source: object) -> TypeGuard[str]:
-    """Whether a source is the name of a published robot, or could be: who publishes it knows."""
+    """Tell whether a source is, or could be, a published robot's name; its publisher knows."""
     return isinstance(source, str) and (
         source.startswith(MENAGERIE) or source.endswith(_DESCRIPTION)
     )
 
 
 def is_file(path: Path) -> bool:
-    """Whether a path is that of a file; one that is too long, or no path at all, is not."""
+    """Return whether a path is that of a file; one that is too long, or no path at all, is not."""
     try:
         return path.is_file()
     except (OSError, ValueError):

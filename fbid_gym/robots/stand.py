@@ -55,7 +55,7 @@ def stand_up(
 
 
 def stands(start: MeasuredModel, feet: Sequence[Foot]) -> bool:
-    """Whether a pose may be a stance: no leg is straight, the centre of mass is above the feet."""
+    """Tell whether a pose may be a stance: no leg straight, the centre of mass above the feet."""
     try:
         scene = _Scene(start, feet)
     except RobotError:
@@ -170,7 +170,7 @@ class _Scene:
         return np.clip(angles, low + 1e-9, high - 1e-9)
 
     def residuals(self, angles: np.ndarray) -> np.ndarray:
-        """What shall vanish."""
+        """Return the residuals of the pose, which shall vanish."""
         view, before = self._look(angles), self._before
         sideways = view.legs[:, 2] - view.legs[:, 0] - (before.legs[:, 2] - before.legs[:, 0])
         turned = view.soles @ before.soles.transpose(0, 2, 1)
@@ -184,7 +184,7 @@ class _Scene:
         return np.concatenate(parts)
 
     def failings(self, angles: np.ndarray) -> tuple[float, float]:
-        """How far the points are from level, and the centre of mass from above their middle."""
+        """Measure how far points are from level, and the centre of mass from above their middle."""
         view = self._look(angles)
         uneven, off = float(np.ptp(view.points[:, 2])), float(np.linalg.norm(view.off))
         return uneven / self.length, off / self.length
@@ -219,7 +219,7 @@ def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
 
 
 def _sole(start: MeasuredModel, foot: Foot) -> Foot:
-    """What a foot shall stand on, which as it is given touches in the pose to begin with."""
+    """Return the points that a foot shall stand on, from those that touch in the first pose."""
     area, tilt = _extent(foot.points), tilt_of(start, foot.body)
     if area[0] > 0.0 and tilt is not None and tilt <= TILTED:
         return foot

@@ -221,7 +221,7 @@ def named(name: str) -> Robot:
 
 
 def is_held_out(name: str) -> bool:
-    """Whether a name is that of a drawn robot that no training takes."""
+    """Return whether a name is that of a drawn robot that no training takes."""
     return name.startswith(ZOO) and _parts(name)[2] >= HELD_OUT
 
 

@@ -257,7 +257,7 @@ class Controller:
         return self._found
 
     def _told(self, sensors: Any) -> RobotState:
-        """Where the robot is, as it is told or by its own estimate."""
+        """Return the robot's state, as it is told or by its own estimate."""
         reader = self._reader
         if reader is None or not reader.reads(sensors):
             if self.config.observation.startswith("measured"):

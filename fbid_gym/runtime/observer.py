@@ -143,7 +143,7 @@ class Observer:
 
 
 def _sensed(estimator: Estimator) -> Groups:
-    """What the sensors in trunk and feet read, as it has arrived."""
+    """Read the sensors in trunk and feet, with what has arrived."""
     readings, feet = estimator.readings, estimator.foot_names
     return {
         "gyroscope": Group.of(

@@ -63,5 +63,5 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 def is_for_robots(config: TrainConfig) -> bool:
-    """Whether observations have a part for the critic alone."""
+    """Return whether observations have a part for the critic alone."""
     return str(config.make_args().get("observation")).startswith("measured")

@@ -17,7 +17,7 @@ _SEED = 20150703
 
 
 def outcome(log: Log) -> Numbers:
-    """Where the robots rest, and how far the blow moves them from there.
+    """Find where the robots rest, and how far the blow moves them from there.
 
     Returns:
         stood: share up to the end; offset (m), lean (rad): median distance from the goal at rest,

@@ -107,7 +107,7 @@ def _rms(vectors: np.ndarray) -> float:
 
 
 def left_out(robot: Robot, log: Log, index: int) -> dict[str, float]:
-    """What (36) leaves out of the angular momentum's rate, along a motion that was driven.
+    """Compute what (36) leaves out of the angular momentum's rate, along a motion that was driven.
 
     (36) takes the rate to be the locked robot's inertia about the centre of mass times the base's
     angular acceleration; the rest, Mcheck_12 qddot and products of velocities, is neglected. (38)

@@ -110,7 +110,7 @@ def _balanced(relative: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _room(step: np.ndarray, size: np.ndarray) -> float:
-    """How often a scaled step (B, 4, 4) fits between diag D and the border."""
+    """Count how often a scaled step (B, 4, 4) fits between diag D and the border."""
     root = np.sqrt(size)
     relative = step / root[:, :, None] / root[:, None]
     return float(1.0 / max(-np.linalg.eigvalsh(relative).min(), 1e-12))

@@ -101,7 +101,7 @@ class PdGains(NamedTuple):
 
 
 def _most_damping(stance: Stance) -> np.ndarray:
-    """What a sampled joint can be damped with in the air: (n,) N·m·s/rad.
+    """Return the most that a sampled joint can be damped with in the air: (n,) N·m·s/rad.
 
     Damping that is sampled once a tick and held oscillates by itself beyond twice the inertia
     it acts on, divided by the tick. That inertia lies between two: the diagonal of M, with the

@@ -251,7 +251,7 @@ def summary(numbers: Numbers, level: float) -> Numbers:
 
 
 def _spectrum(colour: int, told: Numbers) -> Series:
-    """What unit steps of the parameters do to the data of one stance."""
+    """Compute the change of one stance's data by unit steps of the parameters."""
     values = [value for value in told["singular_values"] if value > 1e-8]
     return Series(told["stance"], colour, range(1, len(values) + 1), values)
 

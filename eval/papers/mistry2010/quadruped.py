@@ -85,7 +85,7 @@ def summary(log: Log, pose: np.ndarray, seconds: float) -> dict[str, float]:
 
 
 def _way(log: Log, pose: np.ndarray) -> np.ndarray:
-    """How far each robot got along its first heading before it fell, if it did: (N,) m."""
+    """Measure how far each robot got along its first heading until it fell, if it did: (N,) m."""
     last = np.maximum(log.up.sum(axis=0) - 1, 0)
     place = log["qpos"][:, :, :2]
     path = place[last, np.arange(len(last))] - place[0]
@@ -93,7 +93,7 @@ def _way(log: Log, pose: np.ndarray) -> np.ndarray:
 
 
 def _telling(log: Log, up: bool) -> int:
-    """Which robot climbed most of those that stayed up, or of those that fell."""
+    """Choose the robot that climbed most of those that stayed up, or of those that fell."""
     height = log["qpos"][:, :, 2]
     climb = np.ptp(np.where(log.up, height, height[:1]), axis=0)
     return int(np.argmax(np.where(log.survived == up, climb, climb - 1.0)))

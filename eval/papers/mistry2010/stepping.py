@@ -95,7 +95,7 @@ def carried(robot: Robot, steps: Steps) -> float:
 
 
 def summary(log: Log) -> Numbers:
-    """Who stayed up, and how well."""
+    """Summarise who stayed up, and how well."""
     fell = log.fell[~np.isnan(log.fell)]
     return {
         "up": float(log.survived.mean()),

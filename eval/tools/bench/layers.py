@@ -263,7 +263,7 @@ class _Bounds:
 
 
 def _from_a_reset(batch: EnvBatch, steps: int, spent: Measure) -> Measure:
-    """What steps of a batch from a reset add to the seconds that are spent."""
+    """Add the time of steps of a batch from a reset to the seconds that are spent."""
     action = np.zeros((batch.num_envs, len(batch.action_names)))
     return added(lambda: begin(batch, 0), lambda: batch.step(action), steps, spent)
 

@@ -52,7 +52,7 @@ def _measure(robot: str, layer: str, num_envs: int, warmup: int, steps: int) -> 
 
 
 def _resident(*what: Any) -> tuple[float, float]:
-    """What `_measure` returns in a fresh process."""
+    """Return the result of `_measure` in a fresh process."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         return fresh.submit(_measure, *what).result()
 

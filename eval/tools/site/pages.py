@@ -62,7 +62,7 @@ def _module(name: str) -> str:
 
 
 def _home(module: str, name: str) -> str:
-    """Where a public name is defined; data are at home where they are named."""
+    """Find where a public name is defined; data are at home where they are named."""
     home: str = getattr(getattr(importlib.import_module(module), name), "__module__", module)
     return home if home.startswith("fbid_gym") else module
 

@@ -130,13 +130,13 @@ class _Now(NamedTuple):
 
 @compiled
 def _timing(gait: FlatFootGait, memory: FlatGaitMemory, i: int) -> StepTiming:
-    """How long the present step takes."""
+    """Return the time that the present step takes."""
     return StepTiming(gait.omega, gait.double / memory.rate[i], gait.single / memory.rate[i])
 
 
 @compiled
 def _roll(gait: FlatFootGait, timing: StepTiming, velocity: float) -> float:
-    """How far (m) ahead of a foot the centre of pressure goes, from as far behind it.
+    """Return how far (m) ahead of a foot the centre of pressure goes, from as far behind.
 
     With the robot, at `velocity` (m/s ahead), while the foot stands alone, or as the gait allows.
     """
@@ -145,13 +145,13 @@ def _roll(gait: FlatFootGait, timing: StepTiming, velocity: float) -> float:
 
 @compiled
 def _rolled(roll: float, timing: StepTiming, clock: float) -> float:
-    """How far (m) ahead of the foot it is after `clock` s in single support."""
+    """Return how far (m) ahead of the foot it is after `clock` s in single support."""
     return roll * (2.0 * min(clock / timing.single, 1.0) - 1.0)
 
 
 @compiled
 def _offset(gait: FlatFootGait, timing: StepTiming, velocity: Pair, foot: int) -> Pair:
-    """Where xi shall be from a foot at the end of double support, along the heading."""
+    """Return where xi shall be from a foot as double support ends, along the heading."""
     period, roll = timing.double + timing.single, _roll(gait, timing, velocity[0])
     # Sideways every second step is the longer one: the other one shall not come closer.
     width = gait.width + abs(velocity[1]) * period
@@ -334,7 +334,7 @@ def _find_foothold(
     memory: FlatGaitMemory,
     target: Target,
 ) -> None:
-    """Where the foot in the air shall land."""
+    """Choose the place where the foot in the air shall land."""
     i, timing, axes, xi = now
     foot = 1 - memory.carrier[i]
     stands, foothold = memory.touched[i, memory.carrier[i]], target.foothold[i, foot]
@@ -373,7 +373,7 @@ def _swing(
     target: Target,
     i: int,
 ) -> None:
-    """How the foot in the air moves."""
+    """Move the foot in the air."""
     foot, clock, span = 1 - memory.carrier[i], memory.progress[i], timing.single
     share, rate, acceleration = rise(clock / (ARRIVED * span), ARRIVED * span)
     for axis in range(2):
