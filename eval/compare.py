@@ -60,6 +60,8 @@ class CompareConfig:
     """Play all on this one: a built-in robot, an MJCF, a URDF, a robot.toml or a robot.zip."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    robots: tuple[str, ...] = ()
+    """Instead of one, with as many episodes of each: built-in ones, files, "zoo:quadruped:0-15"."""
     episodes: Annotated[int, Whole(1, 65_536)] = 50
     """Fresh ones of each run, and of the zero action of each layer."""
     pushes: Annotated[tuple[float, ...], Each(Number(0.0, 1000.0), least=0)] = PUSH.values
@@ -192,8 +194,8 @@ def run(config: CompareConfig, command: list[str]) -> None:
     console = Console()
     check_output(config.out, "out", (".html", ".htm"))
     register(config.register)
-    robot = chosen(config.robot, config.feet)
-    runs = [load(path, robot) for path in config.runs]
+    robot = chosen(config.robot, config.feet, config.robots)
+    runs = [load(path, robot, config.robots) for path in config.runs]
     with progress(console, "fresh episodes") as tell:
         found = compared(runs, config, tell)
     players, missing = players_of(named(runs)), list[str]()

@@ -8,7 +8,7 @@ python -m eval.rollout --env fbid_gym/QuadrupedWalk-v0 --action-layer base_accel
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,7 +38,7 @@ from train.runs.environment import load_policy
 from train.runs.files import check_output, to_json, write
 from train.runs.proportional import LAW, ZERO, gain_of, proportional
 from train.runs.reading import Run, load
-from train.runs.robots import chosen, named, of_policy
+from train.runs.robots import chosen, learnt_with, named, of_policy
 from train.runs.study import Cell
 from train.runs.tables import to_csv
 
@@ -60,7 +60,7 @@ class Player:
         Further arguments replace those that the policy was trained with.
         """
         policy = run.policy
-        arguments = {**policy.env_args, **env_args}
+        arguments = {**run.make_args, **env_args}
         return cls(run.layer, policy.env_id, arguments, policy if trained else None, run.robot)
 
     @classmethod
@@ -85,8 +85,6 @@ class Player:
         """Return the player of a cell of a study; other arguments replace those of its arm."""
         run = cell.config
         if not cell.policy:
-            if run.robots and robot is None:  # those that it learnt with
-                env_args["robots"] = list(run.robots)
             return cls.of(load(run.folder, robot), **env_args)
         robot = robot or chosen(run.robot, run.feet)
         return cls.unlearnt(cell.policy, run.env, {**run.make_args(), **env_args}, robot)
@@ -149,13 +147,20 @@ def filmed(player: Player, seed: int, seconds: float, title: str, fps: float = 2
         env.close()
 
 
-def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
+def load_player(
+    source: Path,
+    env_args: Mapping[str, Any],
+    robot: Robot | None = None,
+    robots: Sequence[str] = (),
+) -> Player:
     """Load a run folder, the file of a policy, or `shipped:NAME`.
 
-    Arguments and robot replace those that it was trained with.
+    Arguments and robot, or several robots, replace those that it was trained with.
     """
     source = place_of(source)
     policy = load_policy(source)
+    if on := robots or (learnt_with(source) if robot is None else ()):
+        env_args = {**env_args, "robots": list(on)}
     robot = of_policy(source, policy.env_args, robot)
     name = source.name.removesuffix(SUFFIX)
     player = Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
@@ -188,6 +193,8 @@ class RolloutConfig:
     a robot.toml or a robot.zip."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    robots: tuple[str, ...] = ()
+    """Instead of one, with as many episodes of each: built-in ones, files, "zoo:quadruped:0-15"."""
     zero_action: bool = False
     """Play the zero action instead of a policy."""
     register: tuple[str, ...] = ()
@@ -214,7 +221,9 @@ def player_of(config: RolloutConfig) -> Player:
     name = env_args.pop("robot", config.robot)
     if not isinstance(name, str | None) or config.robot not in (None, name):
         raise InvalidValueError("robot in --env-args", name, "none; name it by --robot")
-    robot = chosen(name, config.feet)
+    if "robots" in env_args:
+        raise InvalidValueError("robots in --env-args", env_args["robots"], "none; see --robots")
+    robot = chosen(name, config.feet, config.robots)
     if config.source is not None and (config.env, config.action_layer) != (None, None):
         raise InvalidValueError(
             "--env and --action-layer",
@@ -227,15 +236,17 @@ def player_of(config: RolloutConfig) -> Player:
     if policy is None:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
-        return load_player(config.source, env_args, robot)
+        return load_player(config.source, env_args, robot, config.robots)
     if config.source is not None:
-        trained = load_player(config.source, env_args, robot)
+        trained = load_player(config.source, env_args, robot, config.robots)
         return replace(trained, name=f"{trained.name}, zero action", policy=None)
     if config.env is None:
         expected = "an environment id, with --zero-action or --policy"
         raise InvalidValueError("--env", None, expected)
     if config.action_layer is not None:
         env_args["action_layer"] = config.action_layer
+    if config.robots:
+        env_args["robots"] = list(config.robots)
     return Player.unlearnt(policy, config.env, env_args, robot)
 
 

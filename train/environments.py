@@ -14,6 +14,7 @@ from gymnasium.vector import VectorEnv
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.envs.overlays import EVERYTHING
 from fbid_gym.errors import FbidError, InvalidValueError, RunError, UnknownOptionError
+from fbid_gym.robots import several
 from train.runs.config import parse_object, threads_for
 
 
@@ -81,12 +82,19 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
 def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
     """Make one environment that renders, with the layer's forces and plans drawn over it.
 
+    Of several `robots` it has the first.
     `render_options` among the arguments say otherwise. Raises as `make_envs`.
     """
-    options = {**_own_arguments(env_args), "render_mode": "rgb_array"}
+    options = {**first_alone(_own_arguments(env_args)), "render_mode": "rgb_array"}
     if env_id in ENVIRONMENTS:
         options.setdefault("render_options", asdict(EVERYTHING))
     return _make(lambda: gym.make(env_id, **options), env_id, env_args)
+
+
+def first_alone(env_args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an environment's arguments with the first of its robots, where these are several."""
+    rest = {name: value for name, value in env_args.items() if name != "robots"}
+    return rest | ({"robot": several(env_args["robots"])[0]} if "robots" in env_args else {})
 
 
 def _import(name: str, module: str) -> None:

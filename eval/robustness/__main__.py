@@ -34,7 +34,8 @@ from train.runs.robots import chosen
 from train.runs.tables import read_rows
 from train.runs.versions import versions
 
-_OTHERWISE = {"robot": "--robot", "action_layer": "--zero-action", "episode_seconds": "--seconds"}
+_OTHERWISE = {name: f"--{name}" for name in ("robot", "robots")}
+_OTHERWISE |= {"action_layer": "--zero-action", "episode_seconds": "--seconds"}
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class RobustnessConfig:
     """Play all on this one: a built-in robot, an MJCF, a URDF, a robot.toml or a robot.zip."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    robots: tuple[str, ...] = ()
+    """Instead of one, with as many episodes of each: built-in ones, files, "zoo:quadruped:0-15"."""
     env_args: str = "{}"
     """Further environment arguments as a JSON object; they replace those of the runs."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -112,8 +115,9 @@ def gathered(config: RobustnessConfig) -> tuple[list[PlayedArm], list[str]]:
     for name, option in _OTHERWISE.items():
         if name in further:
             raise InvalidValueError(f"{name} in --env-args", further[name], f"none; see {option}")
-    robot = chosen(config.robot, config.feet)
-    further["episode_seconds"] = config.seconds
+    robot = chosen(config.robot, config.feet, config.robots)
+    further |= {"episode_seconds": config.seconds}
+    further |= {"robots": list(config.robots)} if config.robots else {}
     arms, warnings = load_arms(config.runs, config.env, config.arms, robot, further)
     env_id, env_args = config.env, {}
     if arms:

@@ -12,7 +12,7 @@ from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.config import EnvConfig
-from train.environments import make_envs
+from train.environments import first_alone, make_envs
 from train.runs.proportional import ZERO
 from train.runs.reading import layer_name, load
 from train.runs.study import Cell, arms, check_cells, read_study
@@ -47,7 +47,8 @@ def load_arms(
         UnknownOptionError: no study has an arm of that name.
     """
     studies = [(path, read_study(path)) for path in paths if path.suffix == ".toml"]
-    runs = [load(path, robot) for path in paths if path.suffix != ".toml"]
+    several = env_args.get("robots", ())
+    runs = [load(path, robot, several) for path in paths if path.suffix != ".toml"]
     warnings = check_comparable(runs) if runs else []
     found = [
         PlayedArm(
@@ -119,7 +120,7 @@ def environment(player: Player) -> EnvConfig:
         InvalidValueError: it is none of ours, or has arguments that are not valid.
         PolicyFileError: the policy does not fit it.
     """
-    envs = make_envs(player.env_id, player.make_args, 1)
+    envs = make_envs(player.env_id, first_alone(player.make_args), 1)
     try:
         if not isinstance(envs, RobotVectorEnv):
             expected = "one whose robots and arguments are those of fbid_gym"

@@ -21,6 +21,7 @@ from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from fbid_gym.reading import read_object
 from fbid_gym.runtime.config import EnvConfig
+from train.environments import first_alone
 from train.episodes import Episodes
 from train.progress import Tell
 
@@ -142,10 +143,11 @@ def measure(
     """
     config = [environment(player) for arm in arms for player in arm.players][0]
     learnt = any(player.policy is not None for arm in arms for player in arm.players)
+    several = any("robots" in player.make_args for arm in arms for player in arm.players)
     same = "a zero action is the same, however late it comes"
-    left_out = {
-        f.name: same if f.for_policies and not learnt else f.missing(config) for f in factors
-    }
+    left_out = {f.name: f.missing(config) for f in factors}
+    left_out |= {f.name: same for f in factors if f.for_policies and not learnt}
+    left_out |= {f.name: "the robots differ in height" for f in factors if f.for_one and several}
     there = [factor for factor in factors if not left_out[factor.name]]
     plan = {
         (arm.name, factor.name, value): {
@@ -253,5 +255,5 @@ def _key(player: Player, there: Player) -> str:
 
 
 def meant(player: Player) -> EnvConfig:
-    """Return the environment that a player's arguments make."""
-    return EnvConfig.of({**gym.spec(player.env_id).kwargs, **player.make_args})
+    """Return the environment that a player's arguments make, of the first of several robots."""
+    return EnvConfig.of({**gym.spec(player.env_id).kwargs, **first_alone(player.make_args)})

@@ -44,6 +44,7 @@ class Factor:
     missing: Callable[[EnvConfig], str] = lambda config: ""
     """Why an environment does not have the factor; empty where it has it."""
     for_policies: bool = False  # whether a zero action cannot feel it
+    for_one: bool = False  # whether its values are of one robot, and not of several
     stages: tuple[str, ...] = ()
     """Names of the values, where these are no quantity: there is no area, but a change from the
     first to the last."""
@@ -147,7 +148,7 @@ FACTORS = (
         "pushes",
         "size, share of the weight",
         (0.0, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2),
-        lambda weights, config: {"push_force": (weights * config.load_robot().weight,) * 2},
+        lambda weights, config: {"push_force": None, "push_weights": (weights, weights)},
         "Every push of an episode has this size; its direction and time are as in training.",
     ),
     Factor(
@@ -292,6 +293,7 @@ FACTORS = (
         "In that model the base's centre of mass lies farther ahead than it does, or farther back, "
         "by this share of the height of the robot's.",
         nominal=0.0,
+        for_one=True,
     ),
     Factor(
         "physics",

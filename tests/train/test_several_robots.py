@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from eval import transfer
+from eval import compare, transfer
+from eval.robustness.__main__ import main as robustness
+from eval.rollout import RolloutConfig, filmed, player_of
 from eval.tools.ship import ShipConfig, ship
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
@@ -57,6 +59,28 @@ def test_a_policy_of_several_robots_acts_on_others(tmp_path, capsys):
     name = another(run, {}, load("quadruped"))
     assert name == "run was trained on 2 robots and is played on robot 'quadruped'."
     assert another(run, {}, load("go1")) is None
+
+    player = player_of(RolloutConfig(run))
+    assert player.make_args["robots"] == list(ROBOTS)
+    assert another(run, player.make_args, None) is None
+    both = ("zoo:quadruped:1000-1001",)
+    assert player_of(RolloutConfig(run, robots=both)).make_args["robots"] == list(both)
+    name = another(run, {"robots": both}, None)
+    assert name.endswith("is played on robots zoo:quadruped:1000, zoo:quadruped:1001.")
+    assert "robots" not in player_of(RolloutConfig(run, robot="go1")).make_args
+    for wrong in ({"robot": "go1", "robots": both}, {"env_args": '{"robots": ["go1"]}'}):
+        with pytest.raises(InvalidValueError, match="robots"):
+            player_of(RolloutConfig(run, **wrong))
+
+    page = tmp_path / "page.html"
+    command = [str(run), "--robots", "go1", *both, "--episodes", "3", "--out", str(page)]
+    assert robustness([*command, "--factors", "push", "model-com", "--seconds", "0.1"]) == 0
+    found = json.loads(page.with_suffix(".json").read_text())
+    assert found["env_args"]["robots"] == ["go1", *both]
+    assert found["left_out"] == {"model-com": "the robots differ in height"}
+    short = ["--pushes", "0.5", "--push-episodes", "3", "--push-seconds", "0.1"]
+    assert compare.main([*command, *short, "--video-seconds", "0.1"]) == 0
+    assert "is played on robots go1, zoo:quadruped:1000" in page.read_text()
 
 
 def test_robots_for_tests_are_not_trained_on(tmp_path):

@@ -1,6 +1,6 @@
 """Run folders, and exported policies, as whoever evaluates them sees them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from fbid_gym.robots import Robot
 from train.runs.environment import load_policy
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
-from train.runs.robots import of_policy
+from train.runs.robots import learnt_with, of_policy
 from train.runs.tables import read_rows
 
 LAYER_ARGS = ("action_layer", "layer_options")
@@ -42,6 +42,7 @@ class Run:
     versions: dict[str, Any]
     curve: LearningCurve | None  # None for an exported policy
     robot: Robot | None = None  # to be played on; None for the one that the policy's arguments name
+    robots: tuple[str, ...] = ()  # several to be played on, such as those that it learnt with
 
     @property
     def layer(self) -> str:
@@ -50,17 +51,23 @@ class Run:
         return layer_name(self.policy.env_args) + learnt
 
     @property
+    def make_args(self) -> dict[str, Any]:
+        """Arguments of the environment, with its robots where these are several."""
+        return {**self.policy.env_args, **({"robots": list(self.robots)} if self.robots else {})}
+
+    @property
     def env_args(self) -> dict[str, Any]:
         """Arguments of the environment other than the layer."""
-        return {k: v for k, v in self.policy.env_args.items() if k not in LAYER_ARGS}
+        return {k: v for k, v in self.make_args.items() if k not in LAYER_ARGS}
 
 
-def load(path: Path, robot: Robot | None = None) -> Run:
+def load(path: Path, robot: Robot | None = None, robots: Sequence[str] = ()) -> Run:
     """Load a run folder, or an exported policy.
 
     Args:
         path: the folder, on the disk or packed; a file of a policy; or `shipped:NAME`.
-        robot: to be played on instead of the one that it was trained on.
+        robot: to be played on instead of that, or those, that it was trained on.
+        robots: several instead of one.
 
     Raises:
         RunError: a file of the run is missing, unreadable or incomplete, or so is the robot.
@@ -69,10 +76,11 @@ def load(path: Path, robot: Robot | None = None) -> Run:
     """
     path = place_of(path)
     folder = RunFolder.of(path)
+    several = tuple(robots) if robots or robot is not None else learnt_with(path)
     if not folder.config.is_file():
         policy = load_policy(path)
-        robot = of_policy(path, policy.env_args, robot)
-        return Run(path, None, policy, None, dict(policy.versions), None, robot)
+        on = of_policy(path, policy.env_args, robot), several
+        return Run(path, None, policy, None, dict(policy.versions), None, *on)
     for file in (folder.versions, folder.evaluations):
         if not file.is_file():
             raise RunError(
@@ -95,8 +103,8 @@ def load(path: Path, robot: Robot | None = None) -> Run:
             f"{path}: trained for {curve.steps[-1]:.0f} of {config['total_steps']} steps. "
             "Resume it, or leave it out."
         )
-    robot = of_policy(path, policy.env_args, robot)
-    return Run(path, config["seed"], policy, config, read_json(folder.versions), curve, robot)
+    on = of_policy(path, policy.env_args, robot), several
+    return Run(path, config["seed"], policy, config, read_json(folder.versions), curve, *on)
 
 
 def _read_curve(path: Path) -> LearningCurve:

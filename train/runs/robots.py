@@ -22,16 +22,19 @@ from train.runs.files import read_json
 from train.runs.folder import RunFolder
 
 
-def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
+def chosen(robot: str | None, feet: Sequence[str] = (), robots: Sequence[str] = ()) -> Robot | None:
     """Return the robot that a command line names; None where it names none.
 
     Args:
         robot: the name of a built-in robot or of a drawn one, or an argument of `Robot.load`.
         feet: the words of `--feet`.
+        robots: those of `--robots`, which say that there are several instead.
 
     Raises:
-        FbidError: no such robot, or one that cannot be used.
+        FbidError: no such robot, one that cannot be used, or one beside several.
     """
+    if robot is not None and robots:
+        raise InvalidValueError("--robots", " ".join(robots), "none beside --robot")
     if robot is None:
         if feet:
             raise InvalidValueError("--feet", " ".join(feet), "none without --robot")
@@ -127,21 +130,21 @@ def learnt_with(path: Path) -> tuple[str, ...]:
 def another(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> str | None:
     """Say in a sentence that a policy is played on another robot than it was trained on, or None.
 
-    The arguments are those that it was trained with, the robot as `of_policy` gives it.
+    The arguments are those that it is played with, the robot as `of_policy` gives it.
     """
-    if several := learnt_with(path):
-        if robot is not None and robot.name in several:
-            return None
-        where = "the robot of its environment" if robot is None else _words(named(robot))
-        return f"{path.name} was trained on {len(several)} robots and is played on {where}."
-    its = env_args.get("robot")
-    if robot is None or its == named(robot):
+    several, its = learnt_with(path), env_args.get("robot")
+    on = each_name(env_args.get("robots", ()))
+    known = {robot.name} if robot is not None else set(on)
+    if known <= set(several) or (robot is not None and not several and its == named(robot)):
         return None
-    trained = "the robot of its environment" if its is None else _words(its)
-    return f"{path.name} was trained on {trained} and is played on {_words(named(robot))}."
+    trained = f"{len(several)} robots" if several else _words(its)
+    where = f"robots {', '.join(on)}" if robot is None else _words(named(robot))
+    return f"{path.name} was trained on {trained} and is played on {where}."
 
 
 def _words(robot: Any) -> str:
+    if robot is None:
+        return "the robot of its environment"
     if isinstance(robot, Mapping):
         return f"robot {robot.get('name')!r} ({str(robot.get('sha256'))[:12]}…)"
     return f"robot {robot!r}"
