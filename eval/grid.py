@@ -1,13 +1,18 @@
-r"""Film a policy on many robots at once, side by side in one picture that moves.
+r"""Film policies, on their own robot or on many, side by side in one picture that moves.
+
+All have the same seed, so that what draws on it is the same for all, such as commands and pushes.
 
 python -m eval.grid shipped:any-quadruped --robots go1 quadruped zoo:quadruped:1000-1009 \
     --out any_robot.webp
+python -m eval.grid shipped:QuadrupedWalk-v1/base_acceleration \
+    shipped:QuadrupedWalk-v1/joint_position --out layers.webp
 """
 
 import io
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +22,11 @@ from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 
 from eval.rollout import filmed, load_player
-from eval.video import HEIGHT, WIDTH, encoded
+from eval.transfer import distinct
+from eval.video import HEIGHT, WIDTH, Clip, encoded
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole
-from fbid_gym.robots import several
+from fbid_gym.robots import Robot, several
 from train.command import run_command
 from train.environments import parse_env_args
 from train.progress import progress
@@ -28,24 +35,25 @@ from train.runs.files import check_output, write
 
 @dataclass(frozen=True)
 class GridConfig:
-    """Film a policy on many robots, side by side."""
+    """Film policies, on their own robot or on many, side by side."""
 
-    source: Annotated[Path, tyro.conf.Positional]
-    """Run folder, exported policy or `shipped:NAME`."""
-    robots: tuple[str, ...]
-    """Built-in robots, paths of files, "menagerie:NAME", or "zoo:quadruped:1000-1009"."""
+    sources: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Run folders, exported policies or `shipped:NAME`."""
     out: Path
     """The film: .webp, which pages show as a picture, or .mp4."""
     seconds: Annotated[float, Number(0.1, 600.0, "s")] = 6.0
     """Length, s."""
+    robots: tuple[str, ...] = ()
+    """Built-in robots, paths of files, "menagerie:NAME", or "zoo:quadruped:1000-1009"; each policy
+    is filmed on each. Default: on its own, the first where it learnt with several."""
     columns: Annotated[int, Whole(1, 100)] = 4
-    """Robots in a row."""
+    """Films in a row."""
     width: Annotated[int, Whole(16, WIDTH)] = 240
     """Of each picture, pixels."""
     fps: Annotated[float, Number(0.1, 50.0, "1/s")] = 12.5
     """Pictures per second, at most."""
     seed: Annotated[int, Whole(0, 2**63)] = 0
-    """Of every robot's episode."""
+    """Of every episode."""
     env_args: str = "{}"
     """Further environment arguments as a JSON object; they replace those of the policy."""
 
@@ -54,25 +62,35 @@ def run(config: GridConfig) -> None:
     """Do what the command line asks."""
     console = Console()
     check_output(config.out, "out", tuple(_ENCODE))
-    robots = several(config.robots)
+    if not config.sources:
+        raise InvalidValueError("sources", "()", "at least one policy")
     env_args = {"render_options": {}} | parse_env_args(config.env_args)  # nothing drawn over them
-    clips = []
-    with progress(console, "robots") as tell:
-        for number, robot in enumerate(robots):
-            player = load_player(config.source, env_args, robot)
-            clips.append(filmed(player, config.seed, config.seconds, "", config.fps))
-            tell(number + 1, len(robots), robot.name)
+    robots = several(config.robots) if config.robots else (None,)
+    both = list(product(config.sources, robots))
+    titles = distinct([_title(*pair, len(config.sources)) for pair in both])
+    clips = dict[str, Clip]()
+    with progress(console, "films") as tell:
+        for title, (source, robot) in zip(titles, both, strict=True):
+            player = load_player(source, env_args, robot)
+            clips[title] = filmed(player, config.seed, config.seconds, "", config.fps)
+            tell(len(clips), len(both), title)
     size = config.width // 2 * 2, config.width * HEIGHT // WIDTH // 2 * 2
-    titles = [f"{robot.name}, {robot.mass:.3g} kg, {robot.num_joints} joints" for robot in robots]
-    films = dict(zip(titles, (clip.frames for clip in clips), strict=True))
-    frames, encode = tiled(films, size, config.columns), _ENCODE[config.out.suffix.lower()]
-    film = encode(frames, clips[0].fps)
+    frames = tiled({title: clip.frames for title, clip in clips.items()}, size, config.columns)
+    film = _ENCODE[config.out.suffix.lower()](frames, min(clip.fps for clip in clips.values()))
     write(config.out, film)
-    fell = [robot.name for robot, clip in zip(robots, clips, strict=True) if clip.ended is not None]
-    console.print(f"{len(robots) - len(fell)} of {len(robots)} stay up", highlight=False)
+    fell = [title for title, clip in clips.items() if clip.ended is not None]
+    console.print(f"{len(clips) - len(fell)} of {len(clips)} stay up", highlight=False)
     if fell:
         console.print(f"fallen: {', '.join(fell)}", markup=False, highlight=False)
     console.print(f"wrote {config.out}, {len(film) / 1e6:.1f} MB", markup=False, highlight=False)
+
+
+def _title(source: Path, robot: Robot | None, sources: int) -> str:
+    """Name who is filmed: the policy where there are several, the robot where it is given."""
+    said = [source.name] if robot is None or sources > 1 else []
+    if robot is not None:
+        said += [robot.name, f"{robot.mass:.3g} kg", f"{robot.num_joints} joints"]
+    return ", ".join(said)
 
 
 def tiled(

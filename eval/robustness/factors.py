@@ -36,7 +36,7 @@ class Factor:
     """(value, environment of training) -> its arguments that differ; a range of the randomisation
     replaces that range alone."""
     about: str  # one or two sentences for people
-    nominal: float | None = None
+    nominal: float | None = 0.0
     """Value at which nothing differs, where training has no other; None: there is none."""
     form: Callable[[float], str] = number  # how a value is written
     most: Callable[[EnvConfig], float] = lambda config: np.inf
@@ -150,6 +150,7 @@ FACTORS = (
         (0.0, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2),
         lambda weights, config: {"push_force": None, "push_weights": (weights, weights)},
         "Every push of an episode has this size; its direction and time are as in training.",
+        nominal=None,
     ),
     Factor(
         "mass",
@@ -159,7 +160,6 @@ FACTORS = (
         _fixed("total_mass", nominal=1.0),
         "All masses and inertias of the robot are larger or smaller by this share. No controller "
         "knows.",
-        nominal=0.0,
         form=_signed,
     ),
     Factor(
@@ -180,7 +180,6 @@ FACTORS = (
         _fixed("action_delay", 1e-3),
         "Time from the choice of an action to its arrival at the action layer, which itself runs "
         "without delay. A policy step is 20 ms long in all our environments.",
-        nominal=0.0,
         for_policies=True,
     ),
     Factor(
@@ -200,7 +199,6 @@ FACTORS = (
         _fixed("loop_delay", 1e-3),
         "Time from the state that an action layer sees to the torque that answers it. No layer "
         "knows. Policies learn without it.",
-        nominal=0.0,
     ),
     Factor(
         "motor_speed",
@@ -210,6 +208,7 @@ FACTORS = (
         _sped,
         "Motors as in the robot's data sheet, whose torque falls to nothing at a no-load speed; "
         "full and no-load speeds are this share of the data sheet's. Laws believe in the whole.",
+        nominal=None,
         missing=_without_line,
     ),
     Factor(
@@ -219,7 +218,6 @@ FACTORS = (
         (0.0, 2.5, 5.0, 10.0, 20.0),
         _lagging,
         "The torque follows what is asked for with this time constant.",
-        nominal=0.0,
     ),
     Factor(
         "sensors",
@@ -230,6 +228,7 @@ FACTORS = (
         "Robots know their state by an estimate from their sensors only, whose noise, biases and "
         'mounting are worse by this factor: those of training, or of "mems" where training had '
         "perfect ones.",
+        nominal=None,
     ),
     Factor(
         "contact_errors",
@@ -239,6 +238,7 @@ FACTORS = (
         _sensing("contact_errors"),
         "The sensor of each foot tells the wrong thing for this share of the time, 20 ms at a "
         'time; the other sensors are those of training, or "mems".',
+        nominal=None,
     ),
     Factor(
         "slope",
@@ -247,7 +247,6 @@ FACTORS = (
         (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
         _uneven("slopes"),
         "Hills of four even sides; episodes begin on their level tops.",
-        nominal=0.0,
         most=lambda c: float(np.degrees(np.arctan(hardest("slopes", c.load_robot())))) + 1e-9,
         missing=_stays,
     ),
@@ -258,7 +257,6 @@ FACTORS = (
         (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
         _uneven("roughness"),
         "Random heights, evenly joined; episodes begin on a level place among them.",
-        nominal=0.0,
         most=lambda config: hardest("roughness", config.load_robot()) + 1e-9,
         missing=_stays,
     ),
@@ -270,7 +268,6 @@ FACTORS = (
         _fixed("model_total_mass", nominal=1.0),
         "All masses and inertias in the model that model-based layers compute with are wrong by "
         "this share.",
-        nominal=0.0,
         form=_signed,
     ),
     Factor(
@@ -281,7 +278,6 @@ FACTORS = (
         _fixed("model_inertia", nominal=1.0),
         "The rotational inertias of all bodies in that model are wrong by this share; their masses "
         "are right.",
-        nominal=0.0,
         form=_signed,
     ),
     Factor(
@@ -292,7 +288,6 @@ FACTORS = (
         _ahead,
         "In that model the base's centre of mass lies farther ahead than it does, or farther back, "
         "by this share of the height of the robot's.",
-        nominal=0.0,
         for_one=True,
     ),
     Factor(
@@ -303,7 +298,6 @@ FACTORS = (
         lambda stage, config: dict(PAPERS_PHYSICS) if stage else {},
         "From the light physics that policies learn in to those of the papers' experiments: law at "
         "500 Hz, physics at 1 kHz, elliptic friction cones, a contact solver that is not stopped.",
-        nominal=0.0,
         missing=_exact,
         stages=("as in training", "the papers'"),
     ),

@@ -1,11 +1,16 @@
 """Films side by side: each in its place, from its first picture to its last, which then stays."""
 
 import io
+from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
-from eval.grid import tiled, webp
+from eval.grid import GridConfig, run, tiled, webp
+from fbid_gym.errors import InvalidValueError
+
+_JOINTS = "QuadrupedWalk-v1/joint_position"
 
 
 def film(shade: int, length: int) -> list[np.ndarray]:
@@ -21,3 +26,17 @@ def test_films_lie_row_by_row_and_wait_for_the_longest():
     assert (last[24:, 32:] == 255).all()  # nobody's place
     with Image.open(io.BytesIO(webp(frames, 10.0))) as picture:
         assert picture.size == (64, 48) and picture.n_frames == 3
+
+
+def test_policies_are_filmed_side_by_side_on_their_own_robots_or_on_all(tmp_path, capsys):
+    sources, out = (
+        [Path(f"shipped:{name}") for name in ("any-quadruped", _JOINTS)],
+        tmp_path / "f.webp",
+    )
+    for robots, size in (((), (480, 180)), (("go1", "go1", "quadruped"), (720, 360))):
+        run(GridConfig(tuple(sources), out, 0.1, robots, columns=3))
+        with Image.open(out) as picture:
+            assert picture.size == size
+    assert "6 of 6 stay up" in capsys.readouterr().out
+    with pytest.raises(InvalidValueError, match="at least one policy"):
+        run(GridConfig((), out))

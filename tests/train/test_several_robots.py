@@ -8,7 +8,7 @@ import pytest
 
 from eval import compare, transfer
 from eval.robustness.__main__ import main as robustness
-from eval.rollout import RolloutConfig, filmed, player_of
+from eval.rollout import RolloutConfig, player_of
 from eval.tools.ship import ShipConfig, ship
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
