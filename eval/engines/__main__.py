@@ -5,7 +5,7 @@ python -m eval.engines QuadrupedWalk-v0/com_wrench runs/my_run --episodes 5
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -58,6 +58,7 @@ def run(config: EnginesConfig) -> None:
     print(f"{'':58}MuJoCo  Bullet   MuJoCo  Bullet")
     for name in names:
         found = load(Path(PREFIX + name if name in known else name))
+        found = replace(found, robots=())  # one robot, that of the environment
         for trained in (True, False) if config.zero_action else (True,):
             player = Player.of(found, trained=trained, episode_seconds=config.seconds)
             ours = play_player(player, config.episodes, config.seed, config.episodes)
