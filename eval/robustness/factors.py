@@ -6,6 +6,7 @@ other arguments stay as they were in training. A new factor needs an entry in `F
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -117,17 +118,18 @@ def _ahead(heights: float, config: EnvConfig) -> Changes:
     return {"randomisation": {"model_com_ahead": (metres, metres)}}
 
 
-def _uneven(kind: str) -> Callable[[float, EnvConfig], Changes]:
-    """A kind of ground; slopes are told in degrees, and are tangents."""
+def _hardest(kind: str, config: EnvConfig) -> float:
+    """Difficulty 1 of a kind of ground; of slopes in degrees."""
+    size = hardest(kind, config.load_robot())
+    return (float(np.degrees(np.arctan(size))) if kind == "slopes" else size) + 1e-9
 
-    def changes(value: float, config: EnvConfig) -> Changes:
-        if value == 0.0:
-            return {"terrain": "flat", "curriculum": False}
-        size = float(np.tan(np.radians(value))) if kind == "slopes" else value
-        difficulty = min(size / hardest(kind, config.load_robot()), 1.0)
-        return {"terrain": kind, "difficulty": difficulty, "curriculum": False}
 
-    return changes
+def _uneven(kind: str, value: float, config: EnvConfig) -> Changes:
+    if value == 0.0:
+        return {"terrain": "flat", "curriculum": False}
+    size = float(np.tan(np.radians(value))) if kind == "slopes" else value
+    difficulty = min(size / hardest(kind, config.load_robot()), 1.0)
+    return {"terrain": kind, "difficulty": difficulty, "curriculum": False}
 
 
 def _stays(config: EnvConfig) -> str:
@@ -141,6 +143,20 @@ def _exact(config: EnvConfig) -> str:
 
 
 _THIRD = (-0.3, -0.15, 0.0, 0.15, 0.3)
+_OVER = "over the height of the centre of mass"
+_GROUNDS = (
+    ("slopes", "slopes", "degrees", (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
+     "Hills of four even sides; episodes begin on their level tops."),
+    ("roughness", "rough ground", f"bumps {_OVER}", (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
+     "Random heights, evenly joined; episodes begin on a level place among them."),
+    ("stairs", "stairs", f"steps {_OVER}", (0.0, 0.09, 0.18, 0.27, 0.36, 0.45),
+     "Stairs down to all four sides from a level top, where episodes begin."),
+    ("planks", "planks", f"planks {_OVER}", (0.0, 0.08, 0.16, 0.24, 0.32, 0.4),
+     "Planks lying about on level ground, from half as high."),
+    ("gaps", "gaps", f"depth {_OVER}", (0.0, 0.2, 0.4, 0.6, 0.8, 1.0),
+     "Gaps between rings of raised ground, at most 0.7 of that height wide."),
+)  # fmt: skip
+"""Kind of terrain, title, axis, values, and what it is."""
 
 FACTORS = (
     Factor(
@@ -240,25 +256,13 @@ FACTORS = (
         'time; the other sensors are those of training, or "mems".',
         nominal=None,
     ),
-    Factor(
-        "slope",
-        "slopes",
-        "degrees",
-        (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
-        _uneven("slopes"),
-        "Hills of four even sides; episodes begin on their level tops.",
-        most=lambda c: float(np.degrees(np.arctan(hardest("slopes", c.load_robot())))) + 1e-9,
-        missing=_stays,
-    ),
-    Factor(
-        "roughness",
-        "rough ground",
-        "bumps over the height of the centre of mass",
-        (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
-        _uneven("roughness"),
-        "Random heights, evenly joined; episodes begin on a level place among them.",
-        most=lambda config: hardest("roughness", config.load_robot()) + 1e-9,
-        missing=_stays,
+    *(
+        Factor(
+            *(kind, title, axis, values, partial(_uneven, kind), about),
+            most=partial(_hardest, kind),
+            missing=_stays,
+        )
+        for kind, title, axis, values, about in _GROUNDS
     ),
     Factor(
         "model-mass",

@@ -48,7 +48,7 @@ def test_nothing_differs_at_a_nominal_value_and_something_at_the_ends():
 def test_the_nominal_point_is_the_plain_evaluation_to_the_bit():
     own = player()
     plain = play_player(own, 3, seed=5).rows()
-    for factor, value in (("friction", 1.0), ("slope", 0.0), ("physics", 0.0)):
+    for factor, value in (("friction", 1.0), ("slopes", 0.0), ("physics", 0.0)):
         assert play_player(at(own, factor, value), 3, seed=5).rows() == plain
     mass = replace(FACTOR["mass"], values=(0.0, 0.3))
     found = measure([zero_action(WALK, "joint_position", SHORT)], [mass], Budget(3, 5))
@@ -200,11 +200,11 @@ def test_arms_of_a_study_are_its_own(tmp_path, monkeypatch):
 
 def test_what_an_environment_does_not_have_is_left_out_and_said():
     arms = [zero_action(BALANCE, "joint_position", {"episode_seconds": 0.1})]
-    factors = [FACTOR[name] for name in ("mass", "delay", "slope", "physics")]
+    factors = [FACTOR[name] for name in ("mass", "delay", "slopes", "physics")]
     found = measure(arms, factors, Budget(1, 5))
     assert found.measures == ("survived", "returned")
     assert [along.name for along in found.along] == ["mass"]
-    assert "does not leave level ground" in found.left_out["slope"]
+    assert "does not leave level ground" in found.left_out["slopes"]
     assert "a zero action is the same" in found.left_out["delay"]
     assert "papers' physics anyway" in found.left_out["physics"]
     assert all(reason in unescape(page(found)) for reason in found.left_out.values())
