@@ -17,7 +17,7 @@ from rich.console import Console
 
 from eval.comparable import check_comparable, check_unseen, group
 from eval.results import greatest_return
-from eval.robustness.arms import PlayedArm as Tried
+from eval.robustness.arms import PlayedArm
 from eval.robustness.curves import Budget, Robustness, at, measure
 from eval.robustness.factors import BY_NAME
 from eval.rollout import Player
@@ -184,7 +184,7 @@ def under_pushes(
     for arm in found.arms:
         runs = arm.fresh.runs if arm.fresh else []
         its = (replace(players[run], env_args={**players[run].env_args, **short}) for run in runs)
-        tried.append(Tried(arm.name, arm.layer, tuple(its), () if arm.policy else tuple(runs)))
+        tried.append(PlayedArm(arm.name, arm.layer, tuple(its), () if arm.policy else tuple(runs)))
     factor = replace(PUSH, values=tuple(sorted({*config.pushes})))
     return measure(tried, [factor], Budget(config.push_episodes, config.settings.seed), tell)
 

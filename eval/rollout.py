@@ -8,7 +8,7 @@ python -m eval.rollout --env fbid_gym/QuadrupedWalk-v0 --action-layer base_accel
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -147,20 +147,17 @@ def filmed(player: Player, seed: int, seconds: float, title: str, fps: float = 2
         env.close()
 
 
-def load_player(
-    source: Path,
-    env_args: Mapping[str, Any],
-    robot: Robot | None = None,
-    robots: Sequence[str] = (),
-) -> Player:
+def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
     """Load a run folder, the file of a policy, or `shipped:NAME`.
 
-    Arguments and robot, or several robots, replace those that it was trained with.
+    Arguments and robot, or `robots` among the arguments, replace those that it was trained with.
     """
     source = place_of(source)
     policy = load_policy(source)
-    if on := robots or (learnt_with(source) if robot is None else ()):
-        env_args = {**env_args, "robots": list(on)}
+    if robot is not None and "robots" in env_args:
+        raise InvalidValueError("robots in --env-args", env_args["robots"], "none beside a robot")
+    if robot is None and (on := learnt_with(source)):
+        env_args = {"robots": list(on), **env_args}
     robot = of_policy(source, policy.env_args, robot)
     name = source.name.removesuffix(SUFFIX)
     player = Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
@@ -223,6 +220,7 @@ def player_of(config: RolloutConfig) -> Player:
         raise InvalidValueError("robot in --env-args", name, "none; name it by --robot")
     if "robots" in env_args:
         raise InvalidValueError("robots in --env-args", env_args["robots"], "none; see --robots")
+    env_args |= {"robots": list(config.robots)} if config.robots else {}
     robot = chosen(name, config.feet, config.robots)
     if config.source is not None and (config.env, config.action_layer) != (None, None):
         raise InvalidValueError(
@@ -236,17 +234,15 @@ def player_of(config: RolloutConfig) -> Player:
     if policy is None:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
-        return load_player(config.source, env_args, robot, config.robots)
+        return load_player(config.source, env_args, robot)
     if config.source is not None:
-        trained = load_player(config.source, env_args, robot, config.robots)
+        trained = load_player(config.source, env_args, robot)
         return replace(trained, name=f"{trained.name}, zero action", policy=None)
     if config.env is None:
         expected = "an environment id, with --zero-action or --policy"
         raise InvalidValueError("--env", None, expected)
     if config.action_layer is not None:
         env_args["action_layer"] = config.action_layer
-    if config.robots:
-        env_args["robots"] = list(config.robots)
     return Player.unlearnt(policy, config.env, env_args, robot)
 
 

@@ -17,8 +17,7 @@ import tyro
 from rich.console import Console
 
 from eval.page.docs import DOCS, splice, spliced
-from eval.robustness.arms import PlayedArm as Tried
-from eval.robustness.arms import arm_of_cells
+from eval.robustness.arms import PlayedArm, arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
 from eval.robustness.factors import FACTORS
 from eval.rollout import Player
@@ -118,7 +117,7 @@ def main(config: StudyConfig, command: Sequence[str] = ()) -> int:
 
 def measure_robustness(config: StudyConfig, study: Study, console: Console) -> None:
     """Try the policies of each environment along all factors, and keep what is found."""
-    tried: dict[str, list[Tried]] = {}
+    tried: dict[str, list[PlayedArm]] = {}
     for arm in arms(study):
         done = arm.finished()
         if done:
