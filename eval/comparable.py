@@ -1,4 +1,4 @@
-"""Whether runs may be compared or measured, and what differs between them though it should not."""
+"""Check that runs may be compared or measured, and find settings in which they differ."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

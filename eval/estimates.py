@@ -1,4 +1,4 @@
-"""How far robots' estimates of their state are off while they walk: `python -m eval.estimates`.
+"""Measure the errors of robots' state estimates while they walk: `python -m eval.estimates`.
 
 The zero action walks with each preset of sensors and each filter; the picture has the errors of the
 first filter over time, median and the middle 80 % of the robots.
@@ -34,7 +34,7 @@ SHOWN = {
 
 @dataclass(frozen=True)
 class EstimatesConfig:
-    """What is drawn."""
+    """Options of the command."""
 
     out: Path | None = None
     """The picture, an SVG. Default: none."""

@@ -72,7 +72,7 @@ class LayersConfig:
 
 
 class LayerScore(NamedTuple):
-    """What a layer comes to over all tasks."""
+    """Score of a layer over all tasks."""
 
     score: Estimate  # mean over tasks of the interquartile mean over robots
     better: Estimate

@@ -1,4 +1,4 @@
-"""What runs say together, as data.
+"""Results of runs together, as data.
 
 The unit of chance is the run: a seed, trained and then played for many episodes, is one number. The
 episodes of one run say how well that run is known, not how well the next would do, so they are
@@ -46,12 +46,12 @@ class Band:
 
 @dataclass(frozen=True)
 class Crossing:
-    """When the runs of an arm first reached the threshold."""
+    """Steps at which the runs of an arm first reached the threshold."""
 
     each: list[float]  # per run; infinity: not within its budget
     median: Estimate  # over all runs, with the ones that did not get there later than all that did
 
     @property
     def reached(self) -> int:
-        """How many runs got there."""
+        """Number of runs that got there."""
         return sum(math.isfinite(value) for value in self.each)

@@ -45,7 +45,7 @@ from train.runs.tables import to_csv
 
 @dataclass(frozen=True)
 class Player:
-    """Who acts, and where."""
+    """A policy and its environment."""
 
     name: str  # for tables and captions
     env_id: str  # Gymnasium id
@@ -91,7 +91,7 @@ class Player:
 
     @property
     def make_args(self) -> dict[str, Any]:
-        """What the environment is made with: the arguments with the robot itself."""
+        """Arguments of the environment, with the robot itself."""
         return self.env_args if self.robot is None else {**self.env_args, "robot": self.robot}
 
     def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:

@@ -1,4 +1,4 @@
-r"""What the policies of a study do on robots that they never saw, and what more bodies are worth.
+r"""Play a study's policies on unseen robots, and compare numbers of training robots.
 
 python -m eval.scaling studies/bodies.toml --write-docs
 
@@ -59,7 +59,7 @@ class ScalingConfig:
 
 
 class PlayedUnseen(NamedTuple):
-    """What an arm's policies, or those who learnt nothing, did on the unseen robots."""
+    """Results of an arm's policies, or of unlearnt ones, on the unseen robots."""
 
     name: str  # of the arm, or of the law
     layer: str  # in words
@@ -112,7 +112,7 @@ _FIGURE = (
 
 
 def _tables(study: Study) -> dict[Path, tuple[Cell, bool]]:
-    """Where rows are kept -> of which finished cell, and whether of the laws in its environment.
+    """Map CSV files to their finished cell, and whether it is of the laws in its environment.
 
     Names change with the policy, the environment and the robots, so that what was played before
     such a change does not count. Cells alike but for their seeds have the same laws.

@@ -24,7 +24,7 @@ _AT_ONCE = 1000  # of them, so that hundreds of robots fit in memory
 
 
 class Chance(NamedTuple):
-    """How intervals are drawn."""
+    """Confidence level, draws and seed of intervals."""
 
     rng: np.random.Generator
     samples: int  # of the bootstrap

@@ -1,4 +1,4 @@
-"""How numbers are written, on pages and in a terminal."""
+"""Format numbers, on pages and in a terminal."""
 
 import math
 from collections.abc import Callable

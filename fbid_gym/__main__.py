@@ -24,7 +24,7 @@ PROGRAM = "fbid-gym"
 
 @dataclass(frozen=True)
 class Subcommand:
-    """What a command runs."""
+    """The module that a subcommand runs."""
 
     module: str
     """Run as the main program; it reads the command line and ends the process."""

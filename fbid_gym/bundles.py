@@ -27,7 +27,7 @@ _DIGEST = "sha256"
 
 
 class Bundle(NamedTuple):
-    """What a file holds."""
+    """Contents of a file."""
 
     data: dict[str, Any]
     """Its JSON."""

@@ -1,4 +1,4 @@
-"""Where compiled functions are kept from process to process, and what a user hears of compiling.
+"""Cache of compiled functions across processes, and the progress shown while compiling.
 
 They lie in a folder named after the sources of all of them: a compiled function contains what it
 calls, whichever file that lies in, so a change anywhere leads to another folder. The folder is, in
@@ -62,7 +62,7 @@ def kept(dispatcher: Any, places: Sequence[Path]) -> Any:
 
 
 class _Cache:
-    """What Numba asks for the compiled forms of a function, and gives new ones to: a file each."""
+    """The cache that Numba reads the compiled forms of a function from and saves new ones to."""
 
     def __init__(self, function: Callable[..., Any], places: Sequence[Path]) -> None:
         self.name = f"{function.__module__}.{function.__qualname__}"

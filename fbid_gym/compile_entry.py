@@ -1,4 +1,4 @@
-"""How a kernel is called from Python: its entry, which Numba compiles, and its door, in Python.
+"""Call a kernel from Python: its entry, which Numba compiles, and its door, in Python.
 
 A named tuple crosses the border between them as its fields, and those of the tuples among them: its
 leaves, arrays and numbers. The functions here write source code that says how.

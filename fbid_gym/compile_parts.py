@@ -1,4 +1,4 @@
-"""How `@compiled` functions become machine code: only as a part of the kernels that call them.
+"""Compile `@compiled` functions: only as a part of the kernels that call them.
 
 Numba optimises each function together with all that it calls, and makes machine code of it, before
 the function that calls it is compiled, where all of that happens again: five or six times for what

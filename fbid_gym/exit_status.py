@@ -1,4 +1,4 @@
-"""How every command ends."""
+"""Exit status of every command."""
 
 import os
 import select

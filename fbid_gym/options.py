@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 @runtime_checkable
 class Kind(Protocol):
-    """What values an option takes."""
+    """Values that an option takes."""
 
     @property
     def words(self) -> str:

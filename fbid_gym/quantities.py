@@ -78,7 +78,7 @@ class DynamicsTerms(NamedTuple):
 
 
 class EquationOfMotion(NamedTuple):
-    """What the laws of [M10] need of the dynamics.
+    """Terms of the dynamics that the laws of [M10] need.
 
     Attributes:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
@@ -90,7 +90,7 @@ class EquationOfMotion(NamedTuple):
 
 
 class CentroidalTerms(NamedTuple):
-    """What the first six rows of M say about a robot's momentum, [G15].
+    """A robot's momentum from the first six rows of M, [G15].
 
     Attributes:
         matrix: (N, 6, nv) A of [G15] eq. (2), the centroidal momentum matrix.
@@ -129,7 +129,7 @@ class SupportFrame(NamedTuple):
 
 
 class Heading(NamedTuple):
-    """How a robot's feet make its support frame: constants of its home stance.
+    """Constants of the home stance by which the feet make the support frame.
 
     The forward direction of the feet is the heading for which the contact points, seen from above,
     lie nearest to where they are in the home stance (planar Procrustes).
@@ -171,7 +171,7 @@ class ContactGeometry(NamedTuple):
 
 
 class Constraint(NamedTuple):
-    """What the contacts ask of the acceleration: J a + Jdot v = 0, [M10] eq. (4).
+    """Constraint of the contacts on the acceleration: J a + Jdot v = 0, [M10] eq. (4).
 
     Attributes:
         jacobian: (N, k, nv) J. Rows may repeat each other, or be zero.
@@ -198,7 +198,7 @@ class ReducedContacts(NamedTuple):
 
 
 class PointLimits(NamedTuple):
-    """What each contact point can transmit.
+    """Limits of the force at each contact point.
 
     Attributes:
         rows: (N, P, 3) or (1, P, 3): friction coefficient, least and greatest normal force (N).
@@ -210,7 +210,7 @@ class PointLimits(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What contacts and motors can do.
+    """Limits of contacts and motors.
 
     Attributes:
         points: of the contacts.
@@ -222,7 +222,7 @@ class Limits(NamedTuple):
 
 
 class ForcePath(NamedTuple):
-    """How forces on contact points act: on the contact rows, and on the centre of mass.
+    """Maps of forces on contact points to the contact rows and to the centre of mass.
 
     Attributes:
         to_com: (N, 6, 6) of `CentroidalTerms`.
@@ -237,7 +237,7 @@ class ForcePath(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """How well the contact forces are solved for, see `fbid_gym.control.contact_forces`.
+    """Accuracy of the contact forces' solver, see `fbid_gym.control.contact_forces`.
 
     Attributes:
         regularisation: eps, dimensionless, on the squared forces.
@@ -284,7 +284,7 @@ class TorqueMap(NamedTuple):
 
 
 class BodyMotion(NamedTuple):
-    """How robots move as a whole; world axes.
+    """Pose and motion of whole robots; world axes.
 
     Attributes:
         com: (N, 3) m.
@@ -304,7 +304,7 @@ class BodyMotion(NamedTuple):
 
 
 class BodyGains(NamedTuple):
-    """Of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
+    """Gains of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
 
     Attributes:
         balance, balance_damping: of the centre of mass, horizontally.
@@ -339,7 +339,7 @@ class BodyGains(NamedTuple):
 
 
 class WrenchGains(NamedTuple):
-    """What makes a wrench of errors, see `fbid_gym.control.BalanceGains`.
+    """Gains from errors to a wrench, see `fbid_gym.control.BalanceGains`.
 
     Attributes:
         stiffness: (3, 3).
@@ -357,7 +357,7 @@ class WrenchGains(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What robots shall do now: filled by the home posture, by planned motions and by gaits.
+    """Desired motion of robots now: filled by the home posture, by planned motions and by gaits.
 
     Positions and rotations are those of the world. The rows of a planned motion are seen from the
     support frame of its own feet instead, until `fbid_gym.motions.in_world` has placed them; all

@@ -1,4 +1,4 @@
-"""How a command begins and ends: its options are a dataclass, checked; its end is `exit_status`."""
+"""Run a command: its options are a checked dataclass; its end is `exit_status`."""
 
 import sys
 from collections.abc import Callable, Sequence

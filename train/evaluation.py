@@ -1,4 +1,4 @@
-"""How good a policy is during its training: one whole episode of each robot."""
+"""Evaluate a policy during its training: one whole episode of each robot."""
 
 import numpy as np
 from gymnasium.vector import VectorEnv

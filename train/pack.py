@@ -33,7 +33,7 @@ class PackConfig:
 
 
 class Packed(NamedTuple):
-    """What `pack` did."""
+    """Result of `pack`."""
 
     archive: Path  # the archive
     runs: tuple[Path, ...]  # folders that were packed

@@ -1,4 +1,4 @@
-"""How far a long command is: a bar with the time left, or lines without a terminal."""
+"""Progress of a long command: a bar with the time left, or lines without a terminal."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -13,7 +13,7 @@ from fbid_gym.runtime import Controller
 
 
 class Outcomes(NamedTuple):
-    """What E episodes came to, as columns of `Episodes`."""
+    """Results of E episodes, as columns of `Episodes`."""
 
     seconds: np.ndarray  # (E,) s, until the robot fell or the time was over
     survived: np.ndarray  # (E,) bool

@@ -76,7 +76,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Marks:
-    """What else a panel shows; None: nothing."""
+    """Further marks in a panel; None: nothing."""
 
     upright: float | None = None  # abscissa of an upright line
     logarithmic: bool = False  # whether the vertical axis is

@@ -1,4 +1,4 @@
-"""What an experiment is: a function measures, and the template of its name shows what it found."""
+"""Experiments: a function measures, and the template of its name shows the results."""
 
 import json
 import shlex
@@ -28,7 +28,7 @@ Item = TypeVar("Item")
 
 
 class Setting:
-    """How an experiment runs; it keeps how far it is in a small file, for whoever started it.
+    """Settings of an experiment; its progress is kept in a small file, for whoever started it.
 
     Attributes:
         quick: fewer robots, shorter runs, coarser sweeps; what is left is the same code.
@@ -76,7 +76,7 @@ class Finding:
 
 
 class ExperimentRun(msgspec.Struct):
-    """What a run has left in `numbers.json`."""
+    """Numbers of a run, from `numbers.json`."""
 
     findings: list[Finding]  # the paper's numbers beside ours
     numbers: Numbers  # all that was measured
@@ -95,7 +95,7 @@ class Experiment:
 
     @property
     def name(self) -> str:
-        """That of its function."""
+        """Name of its function."""
         return self.run.__name__
 
     @property

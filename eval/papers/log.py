@@ -1,4 +1,4 @@
-"""What a trial leaves behind, and the numbers drawn from it."""
+"""Log of a trial, and the numbers drawn from it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

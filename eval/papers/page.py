@@ -30,7 +30,7 @@ class ExperimentSection:
 
     @property
     def met(self) -> int:
-        """How many of them met it."""
+        """Number of them that met it."""
         return sum(finding.verdict == "met" for finding in self.aims)
 
 

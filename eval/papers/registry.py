@@ -1,4 +1,4 @@
-"""Which experiments there are: each paper's, in the order of the page."""
+"""All experiments: each paper's, in the order of the page."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

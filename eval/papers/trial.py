@@ -27,7 +27,7 @@ Memory = dict[str, Any]
 
 
 class Wanted(NamedTuple):
-    """What the robots shall do on one tick."""
+    """Desired motion of the robots on one tick."""
 
     goal: Any  # as their controller takes it
     height: np.ndarray  # (N,) m, of the base above the lowest foot
@@ -47,7 +47,7 @@ Disturbance = Callable[[Simulation], Callable[[int], np.ndarray]]
 
 
 class TickCommand(Protocol):
-    """What a controller wants on one tick: a NamedTuple of arrays with a row per robot."""
+    """Commands of a controller on one tick: a NamedTuple of arrays with a row per robot."""
 
     @property
     def torque(self) -> np.ndarray:
@@ -87,7 +87,7 @@ def pushed(start: np.ndarray, force: np.ndarray, seconds: float) -> Disturbance:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What happens to N robots, whoever controls them."""
+    """A trial of N robots, whoever controls them."""
 
     robot: Robot
     plan: Plan  # what it shall do

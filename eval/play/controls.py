@@ -1,4 +1,4 @@
-"""What can be set while a session runs: each with its range, checked before anything changes."""
+"""Controls of a session: each with its range, checked before anything changes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ _SHOWN_FIRST = ("forces", "com")
 
 @dataclass(frozen=True)
 class Control:
-    """What can be set: a slider or a field for a number, a menu of words, or a switch."""
+    """A control: a slider or a field for a number, a menu of words, or a switch."""
 
     group: str  # where it stands on the page
     label: str  # with its unit

@@ -20,14 +20,14 @@ _NEVER = np.iinfo(np.int64).max // 2
 
 
 class Driver(NamedTuple):
-    """Who drives a robot."""
+    """The policy that drives a robot."""
 
     layer: str  # name of the action layer
     policy: str  # name of the policy, or "zero action"
 
     @property
     def word(self) -> str:
-        """What it is called beside another."""
+        """Its name beside another."""
         return self.layer if self.policy == NO_POLICY else f"policy {Path(self.policy).name}"
 
 
@@ -159,7 +159,7 @@ class Lane:
 
     @property
     def word(self) -> str:
-        """How well it follows its command, and its falls."""
+        """Its errors and falls, in words."""
         info = {} if self.last is None else self.last.info
         for name, unit in (("speed", "m/s"), ("height", "m")):
             if f"{name}_command" in info:

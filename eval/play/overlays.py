@@ -1,4 +1,4 @@
-"""What a layer sees and decides, drawn over a robot in the browser."""
+"""Inputs and decisions of a layer, drawn over a robot in the browser."""
 
 import numpy as np
 import viser

@@ -1,4 +1,4 @@
-"""Which policies and robots can be chosen on the page: those of the command line, and ours."""
+"""Policies and robots to choose from on the page: those of the command line, and ours."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

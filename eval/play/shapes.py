@@ -12,7 +12,7 @@ _DRAWN_GROUPS = 3  # as in MuJoCo's own viewer
 
 
 class Shape(NamedTuple):
-    """What is drawn of a body in one colour."""
+    """Shapes of a body that have one colour."""
 
     body: int
     colour: tuple[int, int, int]  # red, green, blue, 0 to 255

@@ -1,4 +1,4 @@
-"""What stays while a session runs: environment, robot, and the policies that were named."""
+"""Fixed parts of a session: environment, robot, and the policies that were named."""
 
 import json
 from collections.abc import Mapping
@@ -52,7 +52,7 @@ def check_stage(env_id: str, policies: Mapping[str, Policy]) -> None:
 
 @dataclass(frozen=True)
 class Stage:
-    """Where a session plays."""
+    """Environment, robot and policies of a session."""
 
     env_id: str  # a registered environment
     arguments: Mapping[str, Any]

@@ -1,1 +1,1 @@
-"""How policies stand what they were not trained for: `python -m eval.robustness`."""
+"""Robustness of policies to conditions outside their training: `python -m eval.robustness`."""

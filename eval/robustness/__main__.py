@@ -1,4 +1,4 @@
-r"""How policies stand what they were not trained for: one page, and its numbers beside it.
+r"""Measure robustness to conditions outside the training: one page, and its numbers beside it.
 
 python -m eval.robustness runs/a-s0 runs/a-s1 runs/b-s0 --out robustness.html
 python -m eval.robustness --env fbid_gym/QuadrupedWalk-v0 \

@@ -1,4 +1,4 @@
-"""Who is tried: runs grouped as `eval.compare` does, arms of studies, and zero actions."""
+"""Arms of a robustness test: runs grouped as in `eval.compare`, studies' arms, zero actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

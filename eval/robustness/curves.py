@@ -31,7 +31,7 @@ CONFIDENCE, SAMPLES = 0.95, 2000
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is played."""
+    """Number and length of the episodes."""
 
     episodes: int  # of every run at every value: robots side by side, each for one episode
     seed: int  # robot i starts from seed + i, whatever the arm and the value
@@ -69,7 +69,7 @@ class Along:
 
 @dataclass(frozen=True)
 class Robustness:
-    """What was found."""
+    """Results of a robustness test."""
 
     env_id: str
     env_args: dict[str, Any]  # of the first arm
@@ -168,7 +168,7 @@ def measure(
     trained = {id(player): _key(player, player) for arm in arms for player in arm.players}
 
     def nominal(factor: Factor) -> float | None:
-        """Where training itself randomises the quantity, there is none."""
+        """The value of training; None where training itself randomises the quantity."""
         value = factor.nominal
         if value is None or value not in factor.values_in(config):
             return None

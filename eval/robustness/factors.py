@@ -1,4 +1,4 @@
-"""What may be otherwise than a policy was trained for, and how an environment is told.
+"""Factors in which conditions differ from the training, and their environment arguments.
 
 A factor is a line of data: a name, its values, and the environment's arguments at one of them. All
 other arguments stay as they were in training. A new factor needs an entry in `FACTORS`, no more.

@@ -1,4 +1,4 @@
-"""What was found, in plain words."""
+"""Findings in plain words."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""What a study came to: its learning curves, a table, and one page with all of it."""
+"""Results of a study: its learning curves, a table, and one page with all of it."""

@@ -1,4 +1,4 @@
-r"""What a study came to: a table, pages of docs/, and one page with all of it.
+r"""Write the results of a study: a table, pages of docs/, and one page with all of it.
 
 python -m eval.study studies/walking.toml --out report.html
 

@@ -1,4 +1,4 @@
-"""What the run folders of a study say together.
+"""Collect the results of a study's run folders.
 
 The unit of chance is the run. Its numbers are those of its latest evaluation in training: the last
 policy, on episodes that no choice was made by, the same for every run. The first evaluation is the
@@ -273,7 +273,7 @@ def _band(cells: Sequence[CellFound], axis: str, measure: Measure, chance: Chanc
 def _crossing(
     cells: Sequence[CellFound], axis: str, error: float, settings: Settings, chance: Chance
 ) -> Crossing:
-    """When the runs first err no more than that, and stay up often enough.
+    """Steps after which the runs first err no more than that, and stay up often enough.
 
     Interpolated between evaluations; from one at which too many fall it is not.
     """

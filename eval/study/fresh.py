@@ -1,4 +1,4 @@
-"""What policies do in episodes that neither training nor its evaluations have seen.
+"""Play policies in episodes that neither training nor its evaluations have seen.
 
 The evaluations of a training are few episodes, the same every time: too few to count what befalls
 one robot in a hundred. A policy that learns nothing plays those, too, so that the curves of the
@@ -45,7 +45,7 @@ Columns = dict[str, np.ndarray]
 
 
 class Played(NamedTuple):
-    """What one policy did."""
+    """Results of one policy."""
 
     means: Columns  # columns of `evaluations.csv` that are of the episodes, (1,) each
     each: Columns
@@ -74,7 +74,7 @@ class Played(NamedTuple):
 
 @dataclass(frozen=True)
 class Falls:
-    """How many of the episodes of some runs together ended in a fall."""
+    """Number of episodes, of some runs together, that ended in a fall."""
 
     fallen: int
     episodes: int

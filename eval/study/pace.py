@@ -12,7 +12,7 @@ from eval.wording import number
 
 
 class Pace(NamedTuple):
-    """How the arms of one environment are drawn together."""
+    """Common axis of the arms of one environment."""
 
     share: Mapping[str, float]
     """By arm, what its steps and its returns are multiplied by: 1 for the slowest."""
@@ -56,5 +56,5 @@ class Pace(NamedTuple):
 
     @property
     def steps(self) -> str:
-        """What the axis of the steps is called."""
+        """Label of the axis of steps."""
         return "steps of the slowest in that time" if self.differs else "training steps"

@@ -1,4 +1,4 @@
-"""What the runs of a study say together, as data: `page` turns it into words and pictures."""
+"""Results of a study's runs, as data: `page` turns them into words and pictures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from train.episodes import Metric
 
 @dataclass(frozen=True)
 class Settings:
-    """How the runs of a study are put together."""
+    """Settings of the statistics of a study."""
 
     thresholds: Annotated[tuple[float, ...], Each(Number(1e-6, 1e6, "m/s"))] = (
         *(0.3, 0.2, 0.15, 0.1, 0.07),
@@ -101,7 +101,7 @@ class Versus:
 
 @dataclass(frozen=True)
 class Fresh:
-    """What the policies of an arm do in episodes that are new to them, see `eval.study.fresh`."""
+    """Results of an arm's policies in fresh episodes, see `eval.study.fresh`."""
 
     runs: list[str]  # names of the cells that played, as many episodes each
     falls: Falls
@@ -191,7 +191,7 @@ class Across:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of an endpoint."""
+    """Answer to an endpoint."""
 
     env_id: str
     arm: str

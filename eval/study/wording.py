@@ -1,4 +1,4 @@
-"""What was found about the arms of one environment, in one sentence."""
+"""Finding about the arms of one environment, in one sentence."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""What this repository is kept with, and no user needs: measurements, archives, its site."""
+"""Tools of this repository that no user needs: measurements, archives, its site."""

@@ -1,4 +1,4 @@
-"""Whether anything grows or gets lost as environments run for long: `python -m eval.tools.soak`.
+"""Look for growth and losses as environments run for long: `python -m eval.tools.soak`.
 
 Every layer takes steps with random actions in a batch of robots whose episodes are short, so that
 resets are frequent. What comes out has to be numbers. Memory, file descriptors and threads are read
@@ -45,7 +45,7 @@ class SoakConfig:
 
 
 class Reading(NamedTuple):
-    """What a process holds."""
+    """Resources that a process holds."""
 
     memory: int  # bytes, resident
     files: int  # file descriptors
@@ -53,7 +53,7 @@ class Reading(NamedTuple):
 
 
 class Soaked(NamedTuple):
-    """What became of one layer."""
+    """Result of one layer."""
 
     layer: str
     steps: int  # environment steps

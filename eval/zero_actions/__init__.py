@@ -1,1 +1,1 @@
-"""What robots do without a policy: zero actions x factor x layer -> a table."""
+"""Robots without a policy: a table of zero actions x factor x layer."""

@@ -1,4 +1,4 @@
-"""What robots do without a policy, in numbers: `python -m eval.zero_actions walking`.
+"""Measure robots without a policy: `python -m eval.zero_actions walking`.
 
 All layers meet the same starts, commands and pushes. Tables:
 """
@@ -22,7 +22,7 @@ WITHIN = 0.1  # share by which survival and error may differ from what they are 
 
 
 class Sum(NamedTuple):
-    """How many stayed up of how many, and the mean of their errors; NaN for none."""
+    """Number of robots that stayed up, of how many, and their mean errors; NaN for none."""
 
     up: int
     of: int

@@ -275,7 +275,7 @@ TABLES = {
 
 @dataclass(frozen=True)
 class ZeroActionConfig:
-    """What is measured, and where it is written."""
+    """Options of the measurement."""
 
     table: Annotated[
         str, Choice(TABLES), tyro.conf.Positional, tyro.conf.arg(metavar="|".join(TABLES))

@@ -1,4 +1,4 @@
-"""What an action adds to that of a layer: where the next feet land, how often, joint torques."""
+"""Entries added to a layer's action: offsets of footholds, step rate, joint torques."""
 
 from dataclasses import dataclass
 from typing import Annotated

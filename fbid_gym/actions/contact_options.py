@@ -1,4 +1,4 @@
-"""What the model-based layers assume of contacts: the options that they share.
+"""Assumptions of the model-based layers about contacts: the options that they share.
 
 Which points are in contact, how a torque goes from one set of contacts to the next, and what the
 contact forces can be.
@@ -122,7 +122,7 @@ class ContactRamp:
 
 
 class _Ramp(NamedTuple):
-    """What is remembered of N robots, to be updated."""
+    """The memory of N robots; it is updated in place."""
 
     contacts: np.ndarray  # (N, P) int64, which points were in contact a tick ago, or `_UNKNOWN`
     ticks: np.ndarray  # (N,) int64, left of the ramp

@@ -1,4 +1,4 @@
-"""How firmly robots are held to their target: the one table of what layers default to."""
+"""The one table of default gains: how firmly each layer holds robots to their target."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any

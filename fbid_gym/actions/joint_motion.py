@@ -47,7 +47,7 @@ _FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """What the joints of a robot shall do.
+    """Commanded motion of a robot's joints.
 
     Attributes:
         legs: which joints move which foot; None where the target says what joints do.
@@ -85,7 +85,7 @@ class JointMotion:
 
 
 class LegJoints(NamedTuple):
-    """Which joints move which foot; constants of a robot."""
+    """The joints that move each foot; constants of a robot."""
 
     own: np.ndarray  # (F, K) int, joints that move this foot and no other; -1 beyond the last
     rows: int  # coordinates of a foot that its joints can place: 3 of a point, 6 of a sole
@@ -134,7 +134,7 @@ def legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoin
 
 
 class WayLeft(NamedTuple):
-    """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers."""
+    """Remaining displacement and its rate, of the base (6,) or of a foot's rows; buffers."""
 
     gap: np.ndarray  # m, rad
     rate: np.ndarray  # m/s, rad/s
@@ -142,7 +142,7 @@ class WayLeft(NamedTuple):
 
 
 class JointTarget(NamedTuple):
-    """What of a `Target` base and joints shall do."""
+    """The part of a `Target` that concerns base and joints."""
 
     qpos: np.ndarray
     qvel: np.ndarray

@@ -41,7 +41,7 @@ _JOINTS_FIRST = 1e-3  # weight of squared base accelerations beside one for the 
 
 @dataclass(frozen=True, eq=False)
 class OnContacts:
-    """What laws on contacts have in common."""
+    """Shared base of the laws that act through contacts."""
 
     robot: Robot  # whose joints
     belief: ContactBelief  # which points are taken to be on the ground
@@ -162,7 +162,7 @@ class Law(OnContacts):
 
 
 class LawLayer:
-    """What layers on a law have in common."""
+    """Shared base of the layers that act through a law."""
 
     law: OnContacts
 

@@ -1,4 +1,4 @@
-"""What every action layer is: a map from a policy's action to joint torques, tick by tick."""
+"""The interface of action layers: a map from a policy's action to joint torques, tick by tick."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -51,7 +51,7 @@ class ActionLayer(Protocol):
 
 
 class Memoryless:
-    """What layers without a memory have in common."""
+    """Shared base of the layers without a memory."""
 
     diagnostics: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""What the weight asks of standing legs: the force of a pendulum.
+"""Force of a pendulum: the share of the weight that each standing leg carries.
 
 A robot that walks is a pendulum on its centre of pressure p: with its centre of mass c at a height
 h above p, the ground's force goes from p to c (`fbid_gym.motions.gait.divergent`),
@@ -29,7 +29,7 @@ _RIDGE = 1e-6  # where feet stand on a line, or one alone
 
 
 class Pendulum(NamedTuple):
-    """Of a robot; constants. n joints, F feet."""
+    """Constants of a robot's pendulum. n joints, F feet."""
 
     weight: float  # N
     gravity: float  # m/s^2

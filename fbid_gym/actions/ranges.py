@@ -1,4 +1,4 @@
-"""What the numbers among the options of the layers may be: more than any robot needs.
+"""Ranges of the numbers among the options of the layers: wider than any robot needs.
 
 Frequencies serve any robot in units of the one at which it falls over.
 """

@@ -46,7 +46,7 @@ _RANK = 1e-9
 
 
 class Reach(NamedTuple):
-    """How firmly body and feet are held; constants of a robot with n joints."""
+    """Gains of body and feet; constants of a robot with n joints."""
 
     legs: LegJoints  # which joints move which foot
     stiffness: np.ndarray  # (rows,) N/m, N·m/rad: of a foot's place, and of its rotation

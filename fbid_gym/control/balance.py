@@ -56,7 +56,7 @@ GRAVITY = 9.81
 
 
 class BalanceTarget(NamedTuple):
-    """Where a robot shall be, and how it shall move there; world axes.
+    """Desired pose and motion of a robot; world axes.
 
     Attributes:
         com: (N, 3) m.

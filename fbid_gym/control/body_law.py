@@ -85,7 +85,7 @@ _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 
 
 class LawConstants(NamedTuple):
-    """Of the law on one robot."""
+    """Constants of the law on one robot."""
 
     gains: BodyGains  # of feet and base
     limbs: Limbs  # which joints move which feet
@@ -107,7 +107,7 @@ class LawConstants(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What a layer asks of N robots at a tick."""
+    """Commands of a layer to N robots at a tick."""
 
     # (N, nv) accelerations that the robots stay near to, m/s^2 and rad/s^2. (0, 6): those of
     # `stabilise`, to whose `body` this one adds; with a push the base's height and rotation
@@ -128,7 +128,7 @@ class Command(NamedTuple):
 
 
 class LawMemory(NamedTuple):
-    """What the law remembers of N robots; updated by it."""
+    """Memory of the law on N robots; the law updates it."""
 
     warm_start: np.ndarray  # (N, 6) of the contact forces
     # (N,) share of the weight by which the wrench on the base misses the desired one, and of

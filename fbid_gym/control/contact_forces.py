@@ -39,7 +39,7 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 @dataclass(frozen=True, eq=False)
 class ContactLimits:
-    """What a contact point can transmit. Each entry is a number or broadcasts to (N, P).
+    """Forces that a contact point can transmit. Each entry is a number or broadcasts to (N, P).
 
     Arrays are copied, and read-only.
 

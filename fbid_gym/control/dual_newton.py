@@ -52,7 +52,7 @@ class Problem(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """What solves it; buffers to write to."""
+    """The solution; buffers to write to."""
 
     force: np.ndarray  # (P, 3) N
     missing: np.ndarray  # (6,) scaled wrench of `force` less the desired one; zero if all stick

@@ -1,4 +1,4 @@
-"""What the laws start from, checked."""
+"""Check the equations of motion that the laws start from."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar

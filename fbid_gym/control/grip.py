@@ -1,4 +1,4 @@
-"""How much friction a law counts on: on points half at first; less while feet slip.
+"""Friction that a law counts on: half of it at first on points, and less while feet slip.
 
 No robot knows the friction of its ground. Forces that the ground does not give are worse than none:
 the foot slips, and the body with it. So the law of a robot on points counts on half of its
@@ -36,7 +36,7 @@ _STOPPING = 1.5
 
 
 class GripModel(NamedTuple):
-    """When feet slip, and how fast a law takes notice."""
+    """Thresholds of slipping, and the rates at which a law takes notice of it."""
 
     tick: float  # s, of the law
     speed: float  # m/s up to which a foot that carries only creeps; at twice as much it slips

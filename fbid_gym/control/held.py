@@ -1,4 +1,4 @@
-"""What it takes to keep contacts where they are."""
+"""Solve the constraint that contacts stay where they are."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ _FAINT = 5e-6
 
 
 class Held(NamedTuple):
-    """What holding the contacts takes; buffers of one robot."""
+    """Factors of the constraint that contacts stay; buffers of one robot."""
 
     weighted: np.ndarray  # (k, nv): J A^-1
     factor: np.ndarray  # (k, k), lower half: factors of J A^-1 J^T, as far as contacts can be held

@@ -1,4 +1,4 @@
-"""Where robots will be when the torque that is computed now reaches their motors.
+"""Predict the state of robots at the time when the torque computed now reaches their motors.
 
 Until then the torques act that are on their way, and the law knows the accelerations that it made
 them for. With these it predicts the state at which the new torque begins to act, and answers that
@@ -29,7 +29,7 @@ from fbid_gym.small_matrices import copy, dot
 
 
 class Delay(NamedTuple):
-    """How late torques of a robot come, and what of it tells where it will be by then."""
+    """Delay of a robot's torques, and the constants that predict its state after it."""
 
     seconds: float  # of the delay
     tick: float  # s, from torque to torque

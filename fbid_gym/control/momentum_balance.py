@@ -54,7 +54,7 @@ class PostureGains(NamedTuple):
 
 
 class MomentumBalance(NamedTuple):
-    """Of a paper's balancer on one robot, see `balance_torque`."""
+    """Constants of a paper's balancer on one robot, see `balance_torque`."""
 
     balancer: int  # one of those in `fbid_gym.control.balancers`
     wrench: WrenchGains  # gains of the desired wrench

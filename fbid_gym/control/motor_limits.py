@@ -1,4 +1,4 @@
-"""What motors can give of what the law asks: torque limits in the force problem, and weak motors.
+"""Limits of the motors on a law: torque limits in the force problem, and weak motors.
 
 A torque that is clipped at its limit takes a wrench from the base that nobody chose. So where a
 motor of a standing leg cannot give its torque at its present speed, the contact forces are solved
@@ -38,7 +38,7 @@ _TRUSTED, _DOUBTED = 0.1, 0.2  # errors of the share: torques are trusted to her
 
 
 class MotorModel(NamedTuple):
-    """What a law believes of the motors."""
+    """A law's model of the motors."""
 
     line: TorqueLine  # what they can give at a speed
     tick: float  # s, of the law

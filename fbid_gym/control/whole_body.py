@@ -68,7 +68,7 @@ _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on
 
 
 class Feet(NamedTuple):
-    """What the feet of N robots shall do."""
+    """Commanded motion of the feet of N robots."""
 
     asked: np.ndarray  # (N, F) int64, `FREE`, `MOVES` or `STANDS`
     acceleration: np.ndarray  # (N, F, 6) m/s^2, rad/s^2, of their references

@@ -1,4 +1,4 @@
-"""What the feet's contact points do to the dynamics: point Jacobians, and the same in fewer rows.
+"""Constraints of the feet's contact points: point Jacobians, and the same in fewer rows.
 
 A foot is rigid, so the velocities of its P contact points are P × 3 numbers that hold at most six
 independent ones. `ContactGeometry` factors that fact once and for all: for every foot and every

@@ -89,7 +89,7 @@ def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.n
 
 
 class _Layout(NamedTuple):
-    """Where a robot's quantities lie in MuJoCo's buffers; F feet, nv coordinates, B bodies."""
+    """Places of a robot's quantities in MuJoCo's buffers; F feet, nv coordinates, B bodies."""
 
     base: int
     base_from_trunk: np.ndarray  # (3, 3)
@@ -104,7 +104,7 @@ class _Layout(NamedTuple):
 
 
 class _Buffers(NamedTuple):
-    """What MuJoCo has computed for N robots, under its own names."""
+    """Results of MuJoCo for N robots, under its own names."""
 
     M: np.ndarray
     qfrc_bias: np.ndarray

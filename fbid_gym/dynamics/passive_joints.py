@@ -1,4 +1,4 @@
-"""What springs, damping and friction of the joints take of their torques, given back."""
+"""Compensate springs, damping and friction of the joints."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ _SLOW = 0.05
 
 
 class PassiveJoints(NamedTuple):
-    """What acts on the joints beside the motors, as far as a layer gives it back; rad or m.
+    """Passive effects on the joints that a layer compensates; rad or m.
 
     Attributes:
         rest: (n,) where springs do not pull.

@@ -15,7 +15,7 @@ from fbid_gym.robots.measured import once_for_robot
 
 
 class Limbs(NamedTuple):
-    """Which joints of a robot move which feet; F feet. Joints are coordinates, 6 … nv - 1.
+    """The joints that move each foot; F feet. Joints are coordinates, 6 … nv - 1.
 
     Attributes:
         size: nv.
@@ -93,7 +93,7 @@ class Stance:
 
     @cached_property
     def size(self) -> float:
-        """How tall the robot stands, m: its hips above its feet, or its centre of mass if higher.
+        """Height above the feet, m, of the hips, or of the centre of mass if higher.
 
         Wherever in its body the base has its origin.
         """
@@ -151,7 +151,7 @@ class Stance:
 
     @cached_property
     def limbs(self) -> Limbs:
-        """Which joints move which feet."""
+        """The joints that move each foot."""
         legs, moves = self.legs, _moves(self.terms).sum(axis=0)
         own = np.full((len(legs), max(1, legs.sum(axis=1).max())), -1, np.int64)
         for row, leg in zip(own, legs, strict=True):

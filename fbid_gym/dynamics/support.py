@@ -1,4 +1,4 @@
-"""Where the feet stand: the level frame in which "hold the home posture" has a meaning."""
+"""Support frame: the level frame of the standing feet, in which the home posture is held."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What environments are and take: `python -m fbid_gym.envs [ID]`, made of what the code says.
+"""Describe environments and their arguments, from the code: `python -m fbid_gym.envs [ID]`.
 
 With an id it prints the page of that environment, without one docs/arguments.md: every argument
 with its default and its range.

@@ -1,4 +1,4 @@
-"""Which level of its terrain, and of its commands, each robot is at: up after success, else down.
+"""Levels of terrain and commands, robot by robot: up after success, else down.
 
 ## Arguments
 With `curriculum=True` robots move through eleven levels, difficulty 0 to 1, and begin at that
@@ -18,7 +18,7 @@ from fbid_gym.tasks import Plan
 
 
 class Climb:
-    """Of N robots."""
+    """Levels of N robots."""
 
     def __init__(self, num_robots: int, tiles: Tiles, config: EnvConfig) -> None:
         """Begin at the level of the difficulty of the environment, whose terrain has `tiles`."""

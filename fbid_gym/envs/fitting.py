@@ -1,4 +1,4 @@
-"""Whether a policy can act on a robot, in words."""
+"""Check whether a policy can act on a robot, and say in words why not."""
 
 from collections.abc import Mapping
 

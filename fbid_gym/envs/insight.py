@@ -1,4 +1,4 @@
-"""What a robot does and what its layer wants of it, at one moment: what overlays draw.
+"""Measured and commanded motion and forces of a robot at one moment, for overlays.
 
 Nothing here changes a robot: its layer is asked again, with copies of what it remembers.
 """
@@ -23,7 +23,7 @@ _FRICTION = 0.7  # of cones where the layer assumes none
 
 @dataclass(frozen=True, eq=False)
 class Insight:
-    """Of one robot; world axes. P points."""
+    """Measured and commanded quantities of one robot; world axes. P points."""
 
     points: np.ndarray  # (P, 3) m, the contact points
     measured: np.ndarray  # (P, 3) N, of the ground on them

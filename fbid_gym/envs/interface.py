@@ -1,4 +1,4 @@
-"""What every environment of ours shows the world, of one robot or of many."""
+"""Shared interface of our environments, of one robot or of many."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +24,7 @@ METADATA: dict[str, Any] = {
 
 
 class Interface:
-    """What they have in common.
+    """Properties that all our environments share.
 
     That is `config`, `robot` (of several the first), `drawn_over` the robots, and what each entry
     of an observation and an action is, with its unit: `observation_names`, `action_names`.
@@ -51,7 +51,7 @@ class Interface:
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium makes it of, with the steps of an episode."""
+        """Gymnasium's specification of the environment, with the steps of an episode."""
         return self._spec
 
     @spec.setter

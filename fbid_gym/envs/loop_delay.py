@@ -15,7 +15,7 @@ import numpy as np
 
 
 class LoopDelay:
-    """Of N robots."""
+    """Torques on their way to the motors of N robots."""
 
     def __init__(self, num_robots: int, num_joints: int, control_hz: int, longest: float) -> None:
         """Begin without delay; robots may get one of at most `longest` s."""

@@ -19,7 +19,7 @@ _HOT = 0.9  # of what a motor bears for ever: from here on its limit falls
 
 
 class MotorState(NamedTuple):
-    """What goes on in the motors of N robots, n joints."""
+    """State of the motors of N robots, n joints."""
 
     torque: np.ndarray  # (N, n) N·m, at the end of the last physics step
     heat: np.ndarray  # (N, n) share of the heat that a motor bears for ever
@@ -28,7 +28,7 @@ class MotorState(NamedTuple):
 
     @classmethod
     def cold(cls, num_robots: int, num_joints: int) -> "MotorState":
-        """Of robots that have not moved yet."""
+        """State of the motors of robots that have not moved yet."""
         torque, heat = np.zeros((2, num_robots, num_joints))
         return cls(torque, heat, np.ones(num_robots), np.ones(num_robots))
 

@@ -1,4 +1,4 @@
-"""What is drawn over a robot, as shapes: once for MuJoCo's pictures and for the live page."""
+"""Overlays on a robot, as shapes: once for MuJoCo's pictures and for the live page."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from fbid_gym.options import check_fields
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """What is drawn over a robot; nothing by default."""
+    """Choice of overlays; none by default."""
 
     forces: bool = False
     """Contact forces: measured (green), and commanded (orange), which is what the layer's torques

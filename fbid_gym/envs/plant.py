@@ -1,4 +1,4 @@
-"""Which robot is simulated, and which one the model-based layers believe in."""
+"""The simulated robot, and the model that the layers have of it."""
 
 import mujoco
 import mujoco.batch
@@ -82,7 +82,7 @@ class Plant:
 
     @property
     def drawn(self) -> dict[str, np.ndarray]:
-        """What was drawn of the robots, not of the controllers' model: (N, ...) by name; live."""
+        """Random parameters of the robots, not those of the model: (N, ...) by name; live."""
         return {name: value for name, value in self.arrays.items() if "model" not in name}
 
     def draw(self, env: int, rng: np.random.Generator) -> None:

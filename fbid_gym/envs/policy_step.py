@@ -1,4 +1,4 @@
-"""What a policy step returns."""
+"""The result of a policy step."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ TERMINATIONS = ("", "fall", "diverged")
 
 
 class Step(NamedTuple):
-    """What one policy step returns for N environments."""
+    """The result of one policy step for N environments."""
 
     observation: np.ndarray  # (N, O) float32
     reward: np.ndarray  # (N,)

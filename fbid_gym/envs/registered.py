@@ -1,4 +1,4 @@
-"""What is registered with Gymnasium under an id, and what its arguments mean."""
+"""Entries in Gymnasium's registry, and the meaning of their arguments."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What stands between an action layer and MuJoCo at every control tick, compiled.
+"""The step from an action layer to MuJoCo at every control tick, compiled.
 
 MuJoCo's batch keeps what it simulates in one row per robot: positions, velocities, controls and
 applied forces, each from a column of its own on. The kernels read and write these rows.
@@ -14,7 +14,7 @@ from fbid_gym.runtime.effort import Effort, add_power
 
 
 class Wiring(NamedTuple):
-    """Where a robot's quantities lie in the batch."""
+    """Places of a robot's quantities in the batch."""
 
     rows: np.ndarray  # (N, S) of the batch, live
     sensors: np.ndarray  # (N, R) of the batch, live

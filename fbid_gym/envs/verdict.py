@@ -1,4 +1,4 @@
-"""What a robot does, in a few sentences: in which layers it stands and walks, and by a policy."""
+"""Verdict on a robot, in a few sentences: the layers in which it stands and walks, and a policy."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

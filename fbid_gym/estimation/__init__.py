@@ -1,4 +1,4 @@
-"""What a robot measures of itself, and what it makes of that: sensors, and an estimator."""
+"""Sensors of a robot, and an estimator of its state from their readings."""
 
 from fbid_gym.estimation.sensors import PRESETS, Sensors, sensors_of
 

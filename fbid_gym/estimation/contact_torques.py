@@ -35,7 +35,7 @@ class TorqueSense(NamedTuple):
 
 
 class Felt(NamedTuple):
-    """What N robots know of a tick."""
+    """Measured torques and motion of N robots at a tick."""
 
     terms: DynamicsTerms  # at its beginning, as they believe
     torque: np.ndarray  # (N, n) N·m, of the motors in it

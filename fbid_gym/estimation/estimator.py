@@ -1,4 +1,4 @@
-"""What N robots make of what their sensors read: an estimate of their state.
+"""Estimate the state of N robots from the readings of their sensors.
 
 Whose sensors they are does not matter: environments simulate them, a robot has its own.
 """
@@ -110,7 +110,7 @@ class Estimator:
 
     @property
     def contact(self) -> np.ndarray:
-        """Which feet are told to be on the ground: (N, F) bool."""
+        """Feet that are told to be on the ground: (N, F) bool."""
         return self.readings.load > self.threshold
 
     @property

@@ -1,4 +1,4 @@
-"""What the filter assumes of a robot, from its sensors, its size and its weight."""
+"""Constants of the filter, from a robot's sensors, size and weight."""
 
 import numpy as np
 

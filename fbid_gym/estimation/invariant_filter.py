@@ -36,7 +36,7 @@ R, V, P, BG, BA, D = 0, 3, 6, 9, 12, 15
 
 
 class Filter(NamedTuple):
-    """What the filter assumes; constants.
+    """Constants of the filter.
 
     Variances are of the time between two corrections, unless said otherwise.
     """
@@ -68,7 +68,7 @@ class Filter(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """What the filter believes of N robots."""
+    """Belief of the filter about N robots: mean and covariance."""
 
     quaternion: np.ndarray  # (N, 4) wxyz, of R
     velocity: np.ndarray  # (N, 3) m/s
@@ -88,7 +88,7 @@ class Belief(NamedTuple):
 
     @classmethod
     def none(cls, count: int, feet: int, size: int) -> "Belief":
-        """Of robots of which nothing is known; `size` that of the covariance."""
+        """Belief about robots of which nothing is known; `size` that of the covariance."""
         vectors = "velocity", "position", "gyroscope_bias", "accelerometer_bias", "felt", "origin"
         return cls(
             quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),

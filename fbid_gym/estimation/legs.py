@@ -1,4 +1,4 @@
-"""Where a robot's feet are, seen from its inertial unit, as a function of its joint angles.
+"""Places of a robot's feet as seen from its inertial unit, by its joint angles.
 
 Each leg is a product of exponentials (Brockett 1984): the joints' axes in the posture of zeros, and
 what hangs at their end. So it holds for hinges and slides in any order, and for any robot.
@@ -31,7 +31,7 @@ SITE = "imu"
 
 
 class Mounting(NamedTuple):
-    """Where the inertial unit sits."""
+    """Pose of the inertial unit on the trunk."""
 
     place: np.ndarray  # (3,) m, of the unit, in the base's frame
     base_from_imu: np.ndarray  # (3, 3)

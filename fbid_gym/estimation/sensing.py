@@ -1,4 +1,4 @@
-"""What the sensors of N robots read at a control tick, compiled; see `sensors` for their errors.
+"""Readings of the sensors of N robots at a control tick, compiled; see `sensors` for their errors.
 
 The accelerometer reads the change of the unit's velocity since its last reading, less gravity's,
 over the time between, seen from the middle of that time: a mean, as the filter of such a chip makes
@@ -33,7 +33,7 @@ _WRONG = 0.02  # s that a wrong contact lasts, on average
 
 
 class Inertial(NamedTuple):
-    """Of a gyroscope or an accelerometer."""
+    """Errors of a gyroscope or an accelerometer."""
 
     noise: float  # standard deviation of a reading
     drift: float  # of its bias, in a tick
@@ -60,7 +60,7 @@ class Instruments(NamedTuple):
 
 
 class Wear(NamedTuple):
-    """How the sensors of N robots differ, and what they remember."""
+    """Individual errors and memory of the sensors of N robots."""
 
     generator: np.ndarray  # (N, 2) int64, see `random_numbers`
     gyroscope_bias: np.ndarray  # (N, 3) rad/s, now
@@ -76,7 +76,7 @@ class Wear(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """What N robots read that has arrived; n joints."""
+    """Readings of N robots that have arrived; n joints."""
 
     gyroscope: np.ndarray  # (N, 3) rad/s, in the unit's frame
     accelerometer: np.ndarray  # (N, 3) m/s^2, specific force

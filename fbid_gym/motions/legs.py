@@ -1,4 +1,4 @@
-"""Which joints of a robot place its feet, and which of two legs are hips, knees and ankles."""
+"""The joints that place a robot's feet, and hips, knees and ankles of two legs."""
 
 from itertools import combinations
 from typing import NamedTuple

@@ -21,7 +21,7 @@ class Measured(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OnRobot(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy did on a robot that it never saw, beside the zero action of its layer."""
+    """Results of a policy on a robot that it never saw, beside the zero action of its layer."""
 
     robot: str
     """Its name."""

@@ -1,4 +1,4 @@
-"""What a robot is: model, feet and their contact points, limits, home pose."""
+"""Robots: model, feet and their contact points, limits, home pose."""
 
 from fbid_gym.robots.built_in import ROBOTS, load
 from fbid_gym.robots.feet import Foot

@@ -1,4 +1,4 @@
-"""What a robot's file may ask of MuJoCo: measured on its text, before MuJoCo reads it.
+"""Bounds on a robot's file, measured on its text before MuJoCo reads it.
 
 MuJoCo does what a file says: a `<replicate>` of a billion, or a texture of a million by a million
 pixels, takes all time or all memory there is, and no error comes back. So the numbers that say how

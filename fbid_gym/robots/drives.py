@@ -1,4 +1,4 @@
-"""What the motors of a robot can give at a speed and in time, and what of it friction takes.
+"""Torque of a robot's motors at a speed and over time, and their friction.
 
 A motor gives torque up to its limit while it brakes, and while it drives until its voltage is used
 up: from `full_speed` on the limit falls along a line, the torque-speed line, to nothing at

@@ -54,7 +54,7 @@ def home_pose(
 
 
 def stands_up(model: mujoco.MjModel, home: object) -> bool:
-    """Whether a posture to stand in is searched for: a keyframe of that name goes first."""
+    """Whether to search for a posture to stand in: a keyframe of that name goes first."""
     known = [model.key(i).name for i in range(model.nkey)]
     return isinstance(home, str) and home == STAND and STAND not in known
 

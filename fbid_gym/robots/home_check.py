@@ -222,7 +222,7 @@ def _point_names(robot: "Robot") -> list[str]:
 
 
 class FeetContact(NamedTuple):
-    """What contacts between feet and ground are like."""
+    """Properties of the contacts between feet and ground."""
 
     friction: float  # least coefficient of sliding; infinite without a contact, 0 with condim 1
     time: float  # s, longest time constant of those that a foot stands on; 0 without a contact

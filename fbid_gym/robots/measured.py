@@ -1,4 +1,4 @@
-"""What is measured of a robot once, and forgotten with it."""
+"""Measurements of a robot, taken once and forgotten with it."""
 
 from collections.abc import Callable
 from functools import update_wrapper

@@ -22,7 +22,7 @@ _ACROSS = np.array([1.0, -1.0, 1.0])
 
 
 class Reflection(NamedTuple):
-    """What of a row of numbers becomes what in the mirror."""
+    """Permutation and signs by which a row of numbers is mirrored."""
 
     entry: np.ndarray  # (K,) index of the number that takes each place
     sign: np.ndarray  # (K,) 1 or -1, of which it is multiplied

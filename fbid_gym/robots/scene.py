@@ -1,4 +1,4 @@
-"""What a robot has below its feet, and what is added to its MJCF: a ground, and light."""
+"""The ground and the light that are added to a robot's MJCF."""
 
 import copy
 from collections.abc import Sequence

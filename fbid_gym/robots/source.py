@@ -1,4 +1,4 @@
-"""What a robot can be read from: a file, a text, a spec, or the name of a published robot."""
+"""Sources of a robot: a file, a text, a spec, or the name of a published robot."""
 
 import codecs
 import hashlib
@@ -33,7 +33,7 @@ RobotSource = Union[str, Path, mujoco.MjSpec, "Source"]
 
 @dataclass(frozen=True)
 class Source:
-    """Where a robot's description comes from; reading it twice gives the same robot."""
+    """Source of a robot's description; reading it twice gives the same robot."""
 
     # Path of a file; text of an MJCF or URDF; or a spec, as a zip of its MJCF and assets.
     content: Path | str | bytes
@@ -71,7 +71,7 @@ class Source:
 
     @property
     def label(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return f"Robot file {str(self.content)!r}" if self.folder else "The robot's description"
 
     @property
@@ -86,7 +86,7 @@ class Source:
 
     @property
     def text(self) -> bytes:
-        """What is in the file, or the text."""
+        """Contents of the file, or the text."""
         return _bytes(self.content).removeprefix(codecs.BOM_UTF8)
 
     @property

@@ -122,7 +122,7 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
 
 
 class _View(NamedTuple):
-    """What a pose looks like, world; F feet."""
+    """Geometry of a pose, world; F feet."""
 
     points: np.ndarray  # (P, 3) m, contacts
     off: np.ndarray  # (2,) m, of the centre of mass from above the middle of them

@@ -1,4 +1,4 @@
-"""Where bodies touch level ground: the feet that nobody named, and points where none are named."""
+"""Points at which bodies touch level ground: the feet, where nobody named them."""
 
 from collections.abc import Iterable, Sequence
 

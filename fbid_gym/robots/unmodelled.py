@@ -1,4 +1,4 @@
-"""What a file may ask of MuJoCo that no law knows of: refused, with the name of the part.
+"""Refuse parts of a file that no law models, by name.
 
 The laws' equation of motion is that of one floating tree of hinges and slides. It has inertia,
 gravity, what velocities make of both, motors, springs, dampers and dry friction of joints, and

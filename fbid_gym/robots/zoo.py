@@ -77,7 +77,7 @@ _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 
 @dataclass(frozen=True)
 class Morphology:
-    """What a robot is; lengths in m."""
+    """Kind and proportions of a drawn robot; lengths in m."""
 
     seed: int  # what it was drawn from
     family: str  # one of FAMILIES

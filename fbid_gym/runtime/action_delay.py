@@ -11,7 +11,7 @@ from fbid_gym.runtime.rates import Rates
 
 
 class ActionDelay:
-    """Of N robots."""
+    """Actions on their way to N robots."""
 
     def __init__(self, num_robots: int, num_actions: int, rates: Rates, longest: float) -> None:
         """Begin without delay; robots may get one of at most `longest` s."""

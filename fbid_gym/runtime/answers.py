@@ -1,4 +1,4 @@
-"""What tasks and layers answer is what they promise: users write them, too.
+"""Check the answers of tasks and layers, which users write, too.
 
 Compiled code that follows trusts the shapes of what it is given.
 """
@@ -122,7 +122,7 @@ def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) ->
 
 
 class Parts(NamedTuple):
-    """What the parts of a task's answer shall be, which follow each other along the last axis."""
+    """Expected parts of a task's answer, which follow each other along the last axis."""
 
     names: tuple[str, ...]  # of the parts
     shapes: tuple[tuple[int, ...], ...]  # of the parts

@@ -54,7 +54,7 @@ _CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCon
 
 @dataclass(frozen=True)
 class Drawing:
-    """How environments are drawn: what Gymnasium's own of MuJoCo take, and what is drawn over."""
+    """Rendering: arguments of Gymnasium's MuJoCo environments, and overlays."""
 
     render_mode: Annotated[str, Choice(("human", "rgb_array"))] | None = None
     """"rgb_array", "human" for a window on the first robot, or None."""

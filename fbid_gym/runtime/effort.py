@@ -1,4 +1,4 @@
-"""What motors did during a policy step."""
+"""Effort of the motors during a policy step."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from fbid_gym.compiled import kernel
 
 
 class Effort(NamedTuple):
-    """What the motors of N robots did during a policy step; n joints."""
+    """Torque, power and energy of the motors of N robots during a policy step; n joints."""
 
     torque: np.ndarray  # (N, n) N·m, on the last control tick
     saturation: np.ndarray  # (N,) share of the joints at their limit, then

@@ -1,4 +1,4 @@
-"""What a policy observes, and what its critic does: one row of numbers, with a name for each.
+"""Observation of a policy, and of its critic: one row of numbers, with a name for each.
 
 "full" is the task's table, at the state as controllers know it. "body" is the part of it that means
 the same on every legged robot, see `fbid_gym.tasks.body_view`. "measured" is for robots: it begins

@@ -1,4 +1,4 @@
-"""What N simulated robots sense and believe, beside what is.
+"""Sensor readings and estimates of N simulated robots, beside their true state.
 
 Where sensors are perfect there is none of it.
 """
@@ -88,7 +88,7 @@ class Perception:
 
     @property
     def drawn(self) -> dict[str, np.ndarray]:
-        """How the sensors err now: (N, ...) by name; live."""
+        """Present errors of the sensors: (N, ...) by name; live."""
         return {name: getattr(self._wear, name) for name in (*_ERRING, "mounted", "latency")}
 
     @property

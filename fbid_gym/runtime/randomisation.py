@@ -1,4 +1,4 @@
-"""How robots may differ from their MJCF, and the controller's model from both."""
+"""Random differences of robots from their MJCF, and of the controller's model from both."""
 
 from dataclasses import dataclass
 from typing import Annotated

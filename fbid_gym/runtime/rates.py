@@ -1,4 +1,4 @@
-"""How often physics, the action layer and the policy run."""
+"""Rates of the physics, of the action layer and of the policy."""
 
 from dataclasses import dataclass
 from typing import Annotated

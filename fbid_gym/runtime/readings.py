@@ -1,4 +1,4 @@
-"""What the sensors of one robot have read at a tick, by name, for an estimator."""
+"""Sensor readings of one robot at a tick, by name, for an estimator."""
 
 from collections.abc import Mapping
 from math import isfinite

@@ -1,4 +1,4 @@
-"""What a controller is told of its robot at a tick, by name."""
+"""Measured state of a robot at a tick, by name, for a controller."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -34,7 +34,7 @@ _OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 
 class Sensing:
-    """What of one robot is sensed."""
+    """Sensors of one robot."""
 
     def __init__(self, robot: Robot) -> None:
         """Measure a robot."""

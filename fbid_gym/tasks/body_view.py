@@ -1,4 +1,4 @@
-"""What of an observation means the same on every legged robot.
+"""The part of an observation that means the same on every legged robot.
 
 It concerns the body and the feet, none of the joints, in the robot's own units: h is the height of
 its centre of mass at home, g gravity. So a robot that is larger, heavier and slower by the laws of

@@ -8,7 +8,7 @@ from fbid_gym.quantities import DynamicsTerms, RobotState
 
 
 class Posture(NamedTuple):
-    """How N robots stand; P points.
+    """Posture of N robots; P points.
 
     Attributes:
         base: (N, 3) m, where each base is in its support frame.

@@ -1,4 +1,4 @@
-"""What SAC and CrossQ share: they learn at every step from all that the robots did lately."""
+"""Shared part of SAC and CrossQ, which learn at every step from a replay buffer."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, cast

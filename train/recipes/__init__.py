@@ -1,4 +1,4 @@
-"""How to train in an environment: the TOML files beside this one, chosen by environment id.
+"""Recipes of training: the TOML files beside this one, chosen by environment id.
 
 A recipe gives other defaults to `train.ppo` and the other algorithms where those of `TrainConfig`
 do not do; the command line has priority over both. Environments that no recipe names are trained by

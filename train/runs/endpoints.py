@@ -1,4 +1,4 @@
-"""What a study is asked: said in its file before its trainings begin, and kept beside them."""
+"""Endpoints of a study: registered in its file before its trainings begin, and kept beside them."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

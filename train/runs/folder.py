@@ -1,4 +1,4 @@
-"""Where things lie in a run folder, on the disk or in the archive of its study."""
+"""Files of a run folder, on the disk or in the archive of its study."""
 
 from pathlib import Path
 from typing import NamedTuple

@@ -32,7 +32,7 @@ _LOG_LINES = 15
 
 
 class Progress(NamedTuple):
-    """How far a job is."""
+    """Progress of a job."""
 
     share: float  # from 0 to 1
     note: str = ""  # its state or result, in words

@@ -101,7 +101,7 @@ class Arm(NamedTuple):
 
     @property
     def policy(self) -> str:
-        """That of its only cell where nothing is learnt, else empty."""
+        """The policy of its only cell where nothing is learnt, else empty."""
         return self.cells[0].policy
 
     def finished(self) -> list[Cell]:

@@ -24,7 +24,7 @@ def training_job(name: str, config: TrainConfig) -> Job:
 
 
 class Status(NamedTuple):
-    """Where a training is."""
+    """Status of a training."""
 
     state: str  # "done", "failed", "not begun", or the share of its steps, such as "40%"
     note: str  # its result so far; of a failed one, the last line of its log

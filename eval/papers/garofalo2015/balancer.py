@@ -45,7 +45,7 @@ _LIMITS = ContactLimits(friction=0.7)
 
 
 class BalancerCommand(NamedTuple):
-    """What a balancer wants and what it does on one tick."""
+    """Desired and resulting quantities of a balancer on one tick."""
 
     torque: np.ndarray  # (N, n) N·m; applied within the limits
     desired: np.ndarray  # (N, 6) N and N·m, wrench at the centre of mass

@@ -23,7 +23,7 @@ SETTLED = 0.1
 
 
 class Goal(NamedTuple):
-    """What the robots shall do on one tick."""
+    """Desired motion of the robots on one tick."""
 
     target: BalanceTarget  # of centre of mass and base
     posture: np.ndarray  # (n,) or (N, n) rad, of the joints

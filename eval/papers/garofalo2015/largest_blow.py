@@ -1,4 +1,4 @@
-"""What [G15] leaves open: the largest blow that each balancer survives, by direction."""
+"""Beyond [G15]: the largest blow that each balancer survives, by direction."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What [G15] leaves open: balancers whose model of the robot is wrong."""
+"""Beyond [G15]: balancers whose model of the robot is wrong."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What [G15] calls promising: tracking. A moving centre of mass, a turning hip, ever faster."""
+"""Tracking, which [G15] calls promising: a moving centre of mass, a turning hip, ever faster."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What [G15] leaves open: one foot on a block, higher and sloped."""
+"""Beyond [G15]: one foot on a block, higher and sloped."""
 
 from dataclasses import dataclass
 

@@ -51,7 +51,7 @@ _RANK_RTOL = 1e-6
 
 
 class Samples(NamedTuple):
-    """What was measured at N instants of a robot's motion; P contact points."""
+    """Measurements at N instants of a robot's motion; P contact points."""
 
     qpos: np.ndarray  # (N, nq) m, quaternion wxyz, rad
     qvel: np.ndarray  # (N, nv) m/s, rad/s; as everywhere, the angular part in the base's frame

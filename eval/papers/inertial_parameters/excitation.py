@@ -1,4 +1,4 @@
-"""What motion data can tell about a robot's inertial parameters, and what they cannot.
+"""Find the inertial parameters that motion data identify.
 
 No motion tells all of them: only the combinations on which the dynamics depend, the *base
 parameters*. A given motion tells fewer, as flat feet that never leave the ground do not tell their
@@ -57,7 +57,7 @@ def natural_steps(nominal: np.ndarray) -> np.ndarray:
 
 
 class Excitation(NamedTuple):
-    """What the data tell; p = 10 B parameters of B bodies. Names are "body parameter"."""
+    """Identifiability of p = 10 B parameters of B bodies. Names are "body parameter"."""
 
     singular_values: np.ndarray
     """(p,) what a unit step in each singular direction does to the projected torques, relative to

@@ -1,4 +1,4 @@
-"""What a force sensor reports of contact forces: noise, then a low-pass filter, then a delay.
+"""A force sensor: noise on the contact forces, then a low-pass filter, then a delay.
 
 [M10] III-A: force sensors "are typically noisy and delayed if filtered". Each of the three can be
 switched off alone, so that an experiment can say which of them breaks a controller.

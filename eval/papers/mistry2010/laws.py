@@ -61,7 +61,7 @@ def planned_points(robot: Robot, reference: Target) -> np.ndarray:
 
 
 class Tick(NamedTuple):
-    """What a controller knows on one tick."""
+    """Inputs of a controller on one tick."""
 
     state: RobotState  # of the robots
     terms: DynamicsTerms  # their dynamics

@@ -1,1 +1,1 @@
-"""What things cost, each beside its yardstick in the same run: `python -m eval.tools.bench`."""
+"""Benchmarks, each beside its yardstick in the same run: `python -m eval.tools.bench`."""

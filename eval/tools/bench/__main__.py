@@ -1,4 +1,4 @@
-"""What the layers cost: `python -m eval.tools.bench`.
+"""Measure the cost of the layers: `python -m eval.tools.bench`.
 
 Every figure is a ratio of two things measured in turns within one run, or comes with the yardstick
 it is compared to, because machines differ and the same machine differs from minute to minute.

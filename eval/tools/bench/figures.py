@@ -9,7 +9,7 @@ from eval.page.docs import markdown_table
 
 @dataclass(frozen=True)
 class Limit:
-    """What a figure should keep to: at most (or at least) `value`."""
+    """Limit of a figure: at most (or at least) `value`."""
 
     value: float
     at_least: bool = False

@@ -1,4 +1,4 @@
-"""What all but the physics costs: of layers, walking, sensors and motors, of a single robot."""
+"""Measure the cost beside physics: layers, walking, sensors and motors, a single robot."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What fresh processes say: resident memory, and the time of a first use, with nothing compiled."""
+"""Measure fresh processes: resident memory, and the time of a first use, with nothing compiled."""
 
 import multiprocessing
 import os

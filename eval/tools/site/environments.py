@@ -45,7 +45,7 @@ class EnvironmentClip(NamedTuple):
 
     @property
     def caption(self) -> str:
-        """Who acts, in words."""
+        """The controller, in words."""
         if self.shipped is None:
             acts = f"The zero action of `{_FIRST}`; no policy is shipped for this environment."
         else:

@@ -1,4 +1,4 @@
-"""What the site shows of robots, drawn before it is built: `python -m eval.tools.site.pictures`.
+"""Draw the site's pictures of robots, before it is built: `python -m eval.tools.site.pictures`.
 
 A clip of each environment, of a policy that is shipped or of a zero action, and for each layer a
 chart of what its zero action makes of a push. What is there already stays; `--anew` draws it again.
@@ -37,7 +37,7 @@ _SEED = 3
 
 
 class Response(NamedTuple):
-    """What a push does to a robot; T policy steps, up to its fall."""
+    """Motion of a robot after a push; T policy steps, up to its fall."""
 
     time: list[float]  # (T,) s, since the push began
     shift: list[float]  # (T,) cm, horizontally, of the base over the feet

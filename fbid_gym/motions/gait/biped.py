@@ -22,7 +22,7 @@ LONG_AGO = 1e9
 
 
 class FlatFootGait(NamedTuple):
-    """How a robot walks; constants, of which `biped_gait` makes those of a robot."""
+    """A gait on two flat feet; constants, which `biped_gait` makes for a robot."""
 
     sense: Sense  # of the ground
     omega: float  # 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass)
@@ -289,7 +289,7 @@ def default_cycle(robot: Robot, name: str) -> float:
 
 
 def _bent(robot: Robot, pattern: FlatPattern) -> tuple[float, float, float, float, float]:
-    """How low and quickly a robot walks, and the shares of velocity and haste that its legs can do.
+    """Height and rate of a robot's walk, and the shares of velocity and haste that its legs can do.
 
     Returns: m lower than at home, 1/s at which it falls then, pendulum times of a cycle, shares.
     """

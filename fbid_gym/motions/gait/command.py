@@ -19,7 +19,7 @@ class Steering(NamedTuple):
 
 
 class GaitCommand(NamedTuple):
-    """Where the robots shall go."""
+    """Commanded velocities of the robots."""
 
     velocity: np.ndarray  # (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand
     shift: np.ndarray  # (N, F, 2) m ahead and to the left that each next foothold is moved by
@@ -31,7 +31,7 @@ class GaitCommand(NamedTuple):
 
 
 class Trim(NamedTuple):
-    """How a lasting error of the velocity is made up for, by integral action; constants."""
+    """Integral action against a lasting error of the velocity; constants."""
 
     rate: float  # 1/s, inverse of the integral time; 0: it is not
     # m/s ahead, or to the left, that the integral comes to at most; a greater error is none that

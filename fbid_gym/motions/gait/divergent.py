@@ -17,7 +17,7 @@ from fbid_gym.compiled import compiled
 
 
 class StepTiming(NamedTuple):
-    """How long a step takes."""
+    """Timing of a step."""
 
     omega: float  # 1/s, rate at which the pendulum falls
     double: float  # s in double support, positive

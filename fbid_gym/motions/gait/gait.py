@@ -21,7 +21,7 @@ _asked = itemgetter(*(_PREFIX + name for name in Target._fields))
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """How a robot walks: immutable, for any number of robots of one kind."""
+    """The interface of gaits: immutable, for any number of robots of one kind."""
 
     # Of the gait, on point feet or on flat ones.
     constants: quadruped.PointFootGait | biped.FlatFootGait

@@ -1,4 +1,4 @@
-"""Which way a walking robot faces, seen from above: its heading, and vectors along it."""
+"""Heading of a walking robot, seen from above, and vectors along it."""
 
 import math
 

@@ -18,7 +18,7 @@ from fbid_gym.robots.polygon import margin_within
 
 
 class PointFootGait(NamedTuple):
-    """How a robot walks; constants, of which `quadruped_gait` makes those of a robot. F feet."""
+    """A gait on point feet; constants, which `quadruped_gait` makes for a robot. F feet."""
 
     schedule: Schedule  # of the feet
     sense: Sense  # of the ground

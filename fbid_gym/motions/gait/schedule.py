@@ -1,4 +1,4 @@
-"""When feet leave the ground and when they come back: the clock of a gait on four feet.
+"""The clock of a gait on four feet: times at which they leave the ground and come back.
 
 All feet step once in a cycle, whose phase goes from 0 to 1, and stand for the same share of it, the
 duty factor. Gaits differ by the time at which each foot lifts.
@@ -17,7 +17,7 @@ from fbid_gym.robots import Robot
 
 
 class Schedule(NamedTuple):
-    """When each foot shall be in the air; F feet."""
+    """Swing times of each foot; F feet."""
 
     period: float  # s, of a cycle
     duty: float  # share of the cycle that each foot stands, in (0, 1]; 1: it never lifts

@@ -1,4 +1,4 @@
-"""How the ground lies, as the feet feel it: the plane through the places where they last stood.
+"""Slope of the ground, felt by the feet: the plane through the places where they last stood.
 
 Its slope is a least squares fit to these places, averaged over a while and drawn towards level. The
 average is taken of the moments, not of the slope: so two feet tell of both directions, once they
@@ -13,7 +13,7 @@ from fbid_gym.compiled import compiled
 
 
 class Sense(NamedTuple):
-    """How a gait feels the ground; constants."""
+    """Constants of a gait's sense of the ground."""
 
     time: float  # s over which the places of the feet are averaged
     # m^2, mean square distance of the feet from their middle, along one axis, below which the

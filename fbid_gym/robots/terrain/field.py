@@ -19,7 +19,7 @@ _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is
 
 
 class Tiles(NamedTuple):
-    """Where robots belong: square tiles side by side along x, one for each level."""
+    """Tiles for the robots: squares side by side along x, one for each level."""
 
     number: int  # of the tiles
     edge: float  # m; infinite where the ground never ends

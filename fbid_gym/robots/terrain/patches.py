@@ -35,7 +35,7 @@ class Places(NamedTuple):
 
     @property
     def ring(self) -> np.ndarray:
-        """How far out: the larger of |x| and |y|."""
+        """Distance from the middle: the larger of |x| and |y|."""
         return np.maximum(abs(self.x), abs(self.y))
 
 
