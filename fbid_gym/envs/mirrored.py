@@ -13,6 +13,7 @@ import numpy as np
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots.mirror import Reflection, mirror_of
+from fbid_gym.runtime.observer import POLICY
 
 _WAY = "(ahead|to the left|up|[xyz])"
 _PART = (
@@ -45,7 +46,7 @@ _AROUND = r"(actual )?(.*?)(, \d+ steps ago)?"
 class Mirrored(NamedTuple):
     """Observations and actions of environments in the mirror."""
 
-    observation: Reflection
+    observation: Reflection  # of the policy's part, without what its critic knows beside
     action: Reflection
 
 
@@ -55,15 +56,15 @@ def mirrored(batch: EnvBatch) -> Mirrored:
     Raises RobotError for a robot without mirror symmetry, InvalidValueError for an entry of which
     is not known what it is in the mirror.
     """
-    names = _Names(batch)
+    names, seen = _Names(batch), batch.observation_columns.get(POLICY, slice(None))
     return Mirrored(
-        names.reflection("observation", batch.observation_names),
+        names.reflection("observation", batch.observation_names[seen]),
         names.reflection("action", batch.action_names),
     )
 
 
 class _Names:
-    """What names become in the mirror."""
+    """Mirrored names."""
 
     def __init__(self, batch: EnvBatch) -> None:
         robot, mirror = batch.robot, mirror_of(batch.robot)
@@ -114,8 +115,7 @@ class _Names:
     def _sign(self, of: Mapping[str, str]) -> float:
         if "clock" in of:
             return self._clock
-        across = {"to the left", "y"}
-        along, about = of.get("along"), of.get("about")
+        along, about, across = of.get("along"), of.get("about"), {"to the left", "y"}
         return -1.0 if along in across or (about or "y") not in across or "odd" in of else 1.0
 
 

@@ -90,7 +90,8 @@ def test_the_clock_is_that_of_the_gait():
 
 
 def test_an_entry_that_is_not_known_is_named():
-    batch = batch_of("QuadrupedBalance-v0", "torque", sensors="mems", observation="measured")
-    words = "Invalid entry of the observation to mirror: 'sensor"
+    batch = batch_of("QuadrupedBalance-v0", "torque")
+    batch.observation_names = ("weather (1)", *batch.observation_names[1:])
+    words = "Invalid entry of the observation to mirror: 'weather"
     with pytest.raises(InvalidValueError, match=words):
         mirrored(batch)

@@ -2,6 +2,7 @@
 
 from typing import cast
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
@@ -18,6 +19,7 @@ from train.algorithms.algorithm import (
     torch_threads,
 )
 from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
+from train.algorithms.symmetric import BothSides, make_symmetric, mirror_of_environments
 from train.runs.config import PPOConfig, TrainConfig
 
 _METRICS = {
@@ -53,6 +55,11 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
     )
     begin_at_zero(cast(torch.nn.Linear, learner.policy.action_net))
     torch.nn.init.constant_(learner.policy.value_net.bias, expected_return(own))
+    if own.symmetric:
+        mirror = mirror_of_environments(env)
+        width = int(np.prod(env.observation_space.shape or ()))
+        env.obs_rms = BothSides(width, mirror.observation)  # type: ignore[assignment]
+        make_symmetric(learner.policy, mirror)
     return learner
 
 

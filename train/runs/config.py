@@ -112,6 +112,9 @@ class PPOConfig(LearnerConfig):
     target_kl: Annotated[float, Number(1e-12, 1e6)] | None = 0.02
     """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
     it the length of a step does not depend on how a layer scales its actions."""
+    symmetric: bool = False
+    """Make the policy symmetric: to a mirrored observation it answers with the mirrored action. For
+    robots whose left side mirrors the right, and hidden layers of even widths."""
 
 
 @dataclass(frozen=True)
@@ -299,6 +302,10 @@ class TrainConfig:
                 between = f"a number from num_envs * {self.algorithm}.n_steps = {least} to {most}"
                 raise InvalidValueError(f"{self.algorithm}.buffer_size", own.buffer_size, between)
             return
+        if own.symmetric and any(width % 2 for width in own.hidden):
+            raise InvalidValueError("ppo.hidden", own.hidden, "even widths, with ppo.symmetric")
+        if own.symmetric and self.start is not None:
+            raise InvalidValueError("start", self.start, "none, with ppo.symmetric")
         if self.iteration_steps < 2:
             raise InvalidValueError(
                 "ppo.n_steps", own.n_steps, "num_envs * ppo.n_steps of at least 2"
@@ -377,7 +384,10 @@ _BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False, "start": None}
 
 def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Return a `config.json` with entries that older ones lack, as their runs had them."""
-    return {**_BEFORE, **stored}
+    whole = {**_BEFORE, **stored}
+    if isinstance(whole.get("ppo"), Mapping):
+        whole["ppo"] = {"symmetric": False, **whole["ppo"]}
+    return whole
 
 
 def algorithm_of(stored: Mapping[str, Any]) -> str:
