@@ -380,7 +380,7 @@ class Target(NamedTuple):
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
         cycle: (N,) share of the motion's cycle that has passed.
-        moment: (N, 3) factors on weights of the base's moment beside the force, see `Law.of`.
+        moment: (N, 3) factors on weights of the base's moment beside the force, see `BodyLaw.of`.
     """
 
     planted: np.ndarray

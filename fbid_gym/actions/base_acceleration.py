@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
-from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.law import BodyLaw, LawLayer
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.control.body_law import Command, stabilise
 from fbid_gym.dynamics.stance import Stance
@@ -38,7 +38,7 @@ class BaseAcceleration(LawLayer):
     is the same on all robots, see `BodyOptions.action_units`.
     """
 
-    law: Law  # from acceleration to torque
+    law: BodyLaw  # from acceleration to torque
     scale: np.ndarray  # (6,) m/s^2 and rad/s^2 at action 1
     contact: ContactOptions  # what it assumes of contacts
     moment_priority: float | tuple[float, float]  # of the law
@@ -66,7 +66,7 @@ class BaseAcceleration(LawLayer):
         """
         assumed, priority = contact.on(robot, kind), body.priority(robot, kind)
         held, delay = body.gains(robot, kind), body.loop_delay
-        law = Law.of(robot, control_hz, assumed, held, priority, delay=delay)
+        law = BodyLaw.of(robot, control_hz, assumed, held, priority, delay=delay)
         stance = Stance.of(robot)
         if body.action_units == "robot":
             scale = robot.gravity * np.repeat([0.5, 2.0 / stance.home_com[2]], 3)

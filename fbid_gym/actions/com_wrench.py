@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions, contact_belief
 from fbid_gym.actions.gains import BODY_DEFAULTS, PRIORITY_ACTION, BodyOptions, meant, set_priority
-from fbid_gym.actions.law import Law, LawLayer, OnContacts, no_lighter
+from fbid_gym.actions.law import BodyLaw, LawLayer, OnContacts, no_lighter
 from fbid_gym.actions.layer import GetTerms, scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.control.balance import desired_wrench
@@ -131,7 +131,7 @@ class ComWrench(LawLayer):
     the same on all robots, see `BodyOptions.action_units`.
     """
 
-    law: Law | BalanceLaw  # from action to torque
+    law: BodyLaw | BalanceLaw  # from action to torque
     scale: np.ndarray  # (6,) N and N·m, what action 1 adds to the wrench
     contact: ContactOptions  # what it assumes of contacts
     moment_priority: float | tuple[float, float]  # of the law
@@ -181,7 +181,7 @@ class ComWrench(LawLayer):
             told = {f"{part}_frequency": value for part, value in hertz.items()} | _FIXED
             return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio}, False)
         held, priority = body.gains(robot, kind), body.priority(robot, kind)
-        law = Law.of(robot, control_hz, assumed, held, priority, delay=body.loop_delay)
+        law = BodyLaw.of(robot, control_hz, assumed, held, priority, delay=body.loop_delay)
         return cls(law, scale, assumed, priority, meant(held, kind), body.priority_action)
 
     @property

@@ -126,7 +126,7 @@ class BodyOptions:
             raise InvalidValueError("priority_action", True, expected)
 
     def priority(self, robot: Robot, kind: MotionKind) -> float | tuple[float, float]:
-        """Return the weight of moments beside forces, or the two of them, see `Law.of`.
+        """Return the weight of moments beside forces, or the two of them, see `BodyLaw.of`.
 
         By default a moment weighs on soles like the force that moves the centre of pressure as far;
         on points, where a robot has little of it to give away, much more.

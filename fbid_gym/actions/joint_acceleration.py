@@ -7,7 +7,7 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import default_gains, in_hz
 from fbid_gym.actions.joint_motion import JointMotion
-from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.law import BodyLaw, LawLayer
 from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency, in_hertz
 from fbid_gym.compiled import kernel
@@ -30,7 +30,7 @@ class JointAcceleration(LawLayer):
     acceleration is what the feet on the ground leave it.
     """
 
-    law: Law  # from acceleration to torque
+    law: BodyLaw  # from acceleration to torque
     motion: JointMotion  # of the joints that are followed
     stiffness: float  # w^2, 1/s^2, of every joint
     damping: float  # 2 zeta w, 1/s, of every joint
@@ -71,7 +71,7 @@ class JointAcceleration(LawLayer):
         if scale is None:
             scale = _SCALE * Stance.of(robot).falling_rate ** 2
         assumed, firm = contact.on(robot, kind), gains._replace(hold=0.0)
-        law = Law.of(robot, control_hz, assumed, firm, 1.0, joints_first=True)
+        law = BodyLaw.of(robot, control_hz, assumed, firm, 1.0, joints_first=True)
         motion = JointMotion.of(robot, kind, gains, aware=True)
         damping = 2.0 * damping_ratio * float(omega)
         return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)

@@ -9,7 +9,7 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BodyOptions, in_hz
 from fbid_gym.actions.joint_gains import JointGains, at_joints, closed_in_drives, feedback
 from fbid_gym.actions.joint_motion import JointMotion, JointTarget
-from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.law import BodyLaw, LawLayer
 from fbid_gym.actions.layer import GetTerms
 from fbid_gym.actions.ranges import (
     DampingRatio,
@@ -91,7 +91,7 @@ class JointPositionFeedforward(LawLayer):
     forces; the feedback is not limited, one more reason for it to be soft.
     """
 
-    law: Law  # InvDyn
+    law: BodyLaw  # InvDyn
     motion: JointMotion  # of base and joints
     offset: SmoothTarget  # added to the joints' target; its scale in rad (m for slides)
     gains: JointGains  # K_P and K_D
@@ -154,7 +154,7 @@ class JointPositionFeedforward(LawLayer):
         assumed = contact.on(robot, kind)
         firm_feet = own._replace(hold=0.0)
         return cls(
-            law=Law.of(robot, control_hz, assumed, firm_feet, 1.0, joints_first=True),
+            law=BodyLaw.of(robot, control_hz, assumed, firm_feet, 1.0, joints_first=True),
             motion=JointMotion.of(robot, kind, own, aware=True),
             offset=SmoothTarget(scale, 2.0 * np.pi * frequency, 1.0 / control_hz),
             gains=JointGains.of(robot, control_hz, natural_frequency, damping_ratio, loop_delay),

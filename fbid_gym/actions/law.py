@@ -73,7 +73,7 @@ class OnContacts:
 
 
 @dataclass(frozen=True, eq=False)
-class Law(OnContacts):
+class BodyLaw(OnContacts):
     """The law on one robot."""
 
     constants: LawConstants  # of the law
@@ -92,7 +92,7 @@ class Law(OnContacts):
         *,
         joints_first: bool = False,
         delay: float = 0.0,
-    ) -> "Law":
+    ) -> "BodyLaw":
         """Build the law.
 
         Where contacts cannot deliver both, squared errors of the moment (per weight and mean

@@ -9,7 +9,7 @@ from fbid_gym import robots
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.law import Law
+from fbid_gym.actions.law import BodyLaw
 from fbid_gym.control import operational_space_acceleration
 from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
@@ -36,7 +36,7 @@ def law_of(robot):
     gains = default_gains(robot, kind_of(robot))
     contact = ContactOptions(friction=0.6, compensate_damping=False, contact_ramp=0.0)
     contact = contact.on(robot, kind_of(robot))
-    return Law.of(robot, HZ, contact, gains, 1.0)
+    return BodyLaw.of(robot, HZ, contact, gains, 1.0)
 
 
 def crouched(robot, rng, noise):

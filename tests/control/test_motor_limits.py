@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.actions.law import Law
+from fbid_gym.actions.law import BodyLaw
 from fbid_gym.control.motor_limits import MotorModel, believed_strength
 from fbid_gym.dynamics.contacts import point_positions, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -16,14 +16,14 @@ FULL, FREE = 0.3, 6.0  # rad/s: scenes are slow
 HZ = 500
 
 
-def weakened(law: Law, share: float) -> Law:
+def weakened(law: BodyLaw, share: float) -> BodyLaw:
     """The law with motors of a share of their torque, that loses some with speed."""
     ones = np.ones(law.robot.num_joints)
     line = TorqueLine(share * law.robot.torque_limit, FULL * ones, ones / (FREE - FULL))
     return with_line(law, line)
 
 
-def bounds(law: Law, scene: Scene) -> np.ndarray:
+def bounds(law: BodyLaw, scene: Scene) -> np.ndarray:
     """(N, n, 2) N·m, least and greatest torque at the present speeds."""
     line, speeds = law.constants.motors.line, scene.state.qvel[:, 6:]
     return np.array(
@@ -31,7 +31,7 @@ def bounds(law: Law, scene: Scene) -> np.ndarray:
     )
 
 
-def exact(law: Law, scene: Scene, row: int) -> float:
+def exact(law: BodyLaw, scene: Scene, row: int) -> float:
     """Least share of the weight by which the wrench on the base can miss the desired one."""
     terms, constants, robot = scene.terms, law.constants, law.robot
     mass_matrix, bias = terms.mass_matrix[row], terms.bias[row]

@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.law import Law
+from fbid_gym.actions.law import BodyLaw
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
@@ -46,21 +46,21 @@ class Scene(NamedTuple):
     command: Command
 
 
-def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
+def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> BodyLaw:
     plain = {"friction": FRICTION, "compensate_damping": False, "notice_slip": False}
     contact = ContactOptions(**plain | options).on(robot, kind := planned_kind(robot))
     gains = default_gains(robot, kind)
     # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
-    return boundless(Law.of(robot, HZ, contact, gains, moment_priority))
+    return boundless(BodyLaw.of(robot, HZ, contact, gains, moment_priority))
 
 
-def boundless(law: Law) -> Law:
+def boundless(law: BodyLaw) -> BodyLaw:
     """The law with motors that give every torque."""
     line = law.constants.motors.line
     return with_line(law, line._replace(torque=np.full(law.robot.num_joints, 1e9)))
 
 
-def with_line(law: Law, line: TorqueLine) -> Law:
+def with_line(law: BodyLaw, line: TorqueLine) -> BodyLaw:
     """The law with motors of another torque-speed line."""
     motors = law.constants.motors._replace(line=line)
     return replace(law, constants=law.constants._replace(motors=motors))
@@ -111,21 +111,21 @@ def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: in
     return scene
 
 
-def desired_of(law: Law, scene: Scene) -> np.ndarray:
+def desired_of(law: BodyLaw, scene: Scene) -> np.ndarray:
     active = law.belief(scene.state, scene.target)
     return desired_acceleration(
         law.constants, scene.command, scene.state, scene.target, scene.terms, active
     )
 
 
-def torque_of(law: Law, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def torque_of(law: BodyLaw, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Torques, and the residuals that come with them."""
     memory = law.memory(len(scene.state.qpos))
     given = scene.command, scene.state, scene.target, scene.terms
     return law.torque(*given, memory), memory["residual"]
 
 
-def asked_of_feet(law: Law, scene: Scene) -> np.ndarray:
+def asked_of_feet(law: BodyLaw, scene: Scene) -> np.ndarray:
     """(N, F, 6) acceleration of the feet: springs to their target, or nothing but to stay."""
     gains, target, terms = law.constants.gains, scene.target, scene.terms
     left = terms.world_from_foot.mT @ target.world_from_foot
@@ -139,7 +139,7 @@ def asked_of_feet(law: Law, scene: Scene) -> np.ndarray:
     return np.where(target.planted[..., None], stand, swing)
 
 
-def rows_of(scene: Scene, law: Law) -> tuple[np.ndarray, np.ndarray]:
+def rows_of(scene: Scene, law: BodyLaw) -> tuple[np.ndarray, np.ndarray]:
     """Rows (N, k, nv) of all feet, and Jdot v less what is asked of them (N, k)."""
     size = 6 if scene.robot.has_soles else 3
     jacobian = scene.terms.foot_jacobian[:, :, :size]
@@ -189,7 +189,7 @@ def test_feet_go_first_and_the_motion_is_that_of_the_dense_law(robot, rng):
 # --- forces and torques ------------------------------------------------------------------------
 
 
-def forward(scene: Scene, law: Law, torque: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
+def move(scene: Scene, law: BodyLaw, torque: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
     """What a torque does while standing feet move as they are told: acceleration, foot wrenches."""
     size = 6 if scene.robot.has_soles else 3
     stands = np.repeat(scene.target.planted[i], size)
@@ -200,7 +200,7 @@ def forward(scene: Scene, law: Law, torque: np.ndarray, i: int) -> tuple[np.ndar
     return free + inverse @ jacobian.T @ force, force.reshape(-1, size)
 
 
-def beyond_cones(scene: Scene, law: Law, wrench: np.ndarray, i: int) -> float:
+def beyond_cones(scene: Scene, law: BodyLaw, wrench: np.ndarray, i: int) -> float:
     """How far, in N and N·m, foot wrenches (K, 3 or 6) are from what points in cones can do."""
     geometry, worst = law.constants.geometry, 0.0
     angles = np.arange(64) * 2.0 * np.pi / 64
@@ -221,7 +221,7 @@ def test_torques_do_what_is_promised_by_forces_within_their_cones(robot, rng, si
     torque, residual = torque_of(law, scene)
     desired, free = desired_of(law, scene), 0
     for i in range(len(torque)):
-        acceleration, wrench = forward(scene, law, torque, i)
+        acceleration, wrench = move(scene, law, torque, i)
         push = robot.weight * (1.0 + np.abs(desired[i]).max() / robot.gravity)
         # The inscribed polygon of 64 edges is 0.12 % smaller than the cone.
         assert beyond_cones(scene, law, wrench, i) < 2e-3 * push
@@ -270,7 +270,7 @@ def test_without_limits_the_torque_is_equation_15(robot, rng):
     np.testing.assert_allclose(torque, expected.torque, atol=1e-7 * size)
     # Where the contacts can push the base in every direction it is all that is asked for.
     for i in np.flatnonzero(expected.underactuation == 0):
-        acceleration, _ = forward(scene, law, torque, i)
+        acceleration, _ = move(scene, law, torque, i)
         most = np.abs(desired[i]).max()
         np.testing.assert_allclose(acceleration, desired[i], atol=1e-5 * most)
 
@@ -285,7 +285,7 @@ def test_on_two_points_moments_are_traded_for_forces():
         law = law_of(robot, priority)
         torque, _ = torque_of(law, pairs)
         desired = desired_of(law, pairs)
-        late = np.array([forward(pairs, law, torque, i)[0] for i in range(len(torque))]) - desired
+        late = np.array([move(pairs, law, torque, i)[0] for i in range(len(torque))]) - desired
         wrench = np.matvec(pairs.terms.mass_matrix[:, :6], late)
         missed.append([np.linalg.norm(part, axis=1) for part in np.split(wrench, 2, axis=1)])
     force, moment = np.moveaxis(np.array(missed), 1, 0)

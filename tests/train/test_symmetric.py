@@ -52,9 +52,8 @@ def test_what_is_learnt_of_one_side_holds_for_the_other(tmp_path, layer, argumen
     seen = rng.normal(size=(64, policy.observation_size))
     actions = policy(seen)
     assert np.abs(actions - mirror.action.of(actions)).max() > 1e-3  # it has learnt, and turns
-    np.testing.assert_allclose(
-        policy(mirror.observation.of(seen)), mirror.action.of(actions), atol=1e-5
-    )
+    image = policy(mirror.observation.of(seen))
+    np.testing.assert_allclose(image, mirror.action.of(actions), atol=1e-5)
 
 
 def test_a_value_is_the_same_in_the_mirror_and_every_layer_as_lively_as_without(tmp_path, rng):

@@ -18,7 +18,7 @@ from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.trial import Memory
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.law import Law
+from fbid_gym.actions.law import BodyLaw
 from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
@@ -90,7 +90,7 @@ class Stepper:
         # Contacts switch instantly, as in [M10] IV.D.
         contact = ContactOptions(contact_ramp=0.0, friction=FRICTION).on(robot, kind)
         gains = default_gains(robot, kind)._replace(small_errors=0.0)
-        self.law = Law.of(robot, self.plan.hz, contact, gains, 0.05)
+        self.law = BodyLaw.of(robot, self.plan.hz, contact, gains, 0.05)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""

@@ -13,7 +13,7 @@ from eval.tools.bench.figures import Figure, FigureTable, Limit
 from eval.tools.bench.timing import Measure, Timed, added, in_turns, timed_physics
 from eval.zero_actions.measures import begin
 from fbid_gym.actions.base_acceleration import BaseAcceleration
-from fbid_gym.actions.law import Law
+from fbid_gym.actions.law import BodyLaw
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.robot_env import RobotEnv
@@ -238,7 +238,7 @@ def _condition(env: str, part: str, num_envs: int) -> Measure:
 class _Bounds:
     """A law that is timed beside one with motors without limits, at the same states."""
 
-    def __init__(self, law: Law) -> None:
+    def __init__(self, law: BodyLaw) -> None:
         motors, limit = law.constants.motors, np.full(law.robot.num_joints, 1e9)
         boundless = motors._replace(line=motors.line._replace(torque=limit))
         free = replace(law, constants=law.constants._replace(motors=boundless))
@@ -253,7 +253,7 @@ class _Bounds:
         return self._law.seconds - self._free.seconds
 
     def torque(self, *given: Any) -> np.ndarray:
-        """Return the law's torque, see `Law.torque`."""
+        """Return the law's torque, see `BodyLaw.torque`."""
         *seen, memory = given
         copied = {name: value.copy() for name, value in memory.items()}
         found, self._turn = {}, -self._turn
