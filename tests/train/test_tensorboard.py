@@ -1,3 +1,5 @@
+import time
+
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from train.tensorboard import TensorBoardLog
@@ -8,6 +10,8 @@ def test_tensorboard_hides_what_is_taken_again(tmp_path):
     for steps in (1, 2, 3, 4):
         log.append("train", {"steps": steps, "value": float(steps)})
     log.close()
+    # Event files are read by the second in which they begin, then by "9" after "10".
+    time.sleep(1.0)
     log = TensorBoardLog(tmp_path, 2)
     for steps in (3, 4, 5):
         log.append("train", {"steps": steps, "value": 10.0 * steps})
