@@ -94,7 +94,7 @@ LINES = {
     "tasks": 2194,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_587, "train": 5_416, "eval": 16_987, "eval/papers": 5_230}
+TREES = {"tests": 29_589, "train": 5_420, "eval": 16_987, "eval/papers": 5_230}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
 READING = {"fbid_gym.actions.base_acceleration": (35, 6849)}

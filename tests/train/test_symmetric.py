@@ -14,6 +14,7 @@ from fbid_gym.envs.mirrored import mirrored
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 from train.learner import build, normaliser
+from train.recipes import zoo
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 from train.runs.differences import run_differences
 
@@ -120,6 +121,7 @@ def test_a_run_from_before_the_option_is_that_without_it(tmp_path):
             lambda out: replace(config(out), ppo=PPOConfig(symmetric=True, hidden=(16, 9))),
             r"Invalid ppo.hidden: \(16, 9\). Expected even widths",
         ),
+        (lambda out: zoo.entry(config(out)), "Invalid ppo.symmetric: True. Expected false, for RL"),
         (
             lambda out: build(config(out, env_args={}), stand_in.PointMasses(4, 0)),
             "Invalid ppo.symmetric: True. Expected false in environments",

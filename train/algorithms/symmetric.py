@@ -6,6 +6,7 @@ for learning task symmetric robot policies", ICRA). So all that is learnt of the
 right. The network is as wide as any other, has half as many free numbers, and is exported alike.
 """
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -53,7 +54,7 @@ def make_symmetric(policy: ActorCriticPolicy, mirror: Mirrored) -> None:
     actor = linear([*policy.mlp_extractor.policy_net, policy.action_net])
     critic = linear([*policy.mlp_extractor.value_net, policy.value_net])
     for layers, output in ((actor, mirror.action), (critic, _VALUE)):
-        if layers[0].in_features != actor[0].in_features:
+        if layers is critic and policy.features_dim != len(mirror.observation.entry):
             continue
         hidden = [_halves_swapped(layer.out_features) for layer in layers[:-1]]
         sides = pairwise([mirror.observation, *hidden, output])
@@ -84,14 +85,15 @@ class _Symmetric(nn.Module):
 
     def __init__(self, *axes: Reflection) -> None:
         super().__init__()
-        self._axes = [(torch.tensor(own.entry), torch.tensor(own.sign)) for own in axes]
+        self._entries = [torch.tensor(own.entry) for own in axes]
+        signs = np.ix_(*(own.sign for own in axes))
+        self._sign = torch.tensor(math.prod(signs), dtype=torch.float32)
 
     def forward(self, numbers: torch.Tensor) -> torch.Tensor:
         image = numbers
-        for k, (entry, sign) in enumerate(self._axes):
-            image = image.index_select(k, entry).movedim(k, -1) * sign.to(numbers.dtype)
-            image = image.movedim(-1, k)
-        return 0.5 * (numbers + image)
+        for axis, entry in enumerate(self._entries):
+            image = image.index_select(axis, entry)
+        return 0.5 * (numbers + self._sign * image)
 
 
 def _halves_swapped(width: int) -> Reflection:

@@ -35,8 +35,8 @@ def entry(config: TrainConfig) -> str:
     """Return the YAML of one environment.
 
     Raises:
-        InvalidValueError: a learning rate that ends elsewhere than RL Zoo can say, or a target
-            entropy that it cannot.
+        InvalidValueError: a learning rate that ends elsewhere than RL Zoo can say, a target entropy
+            that it cannot, or a symmetric policy.
     """
     own = config.hyperparameters
     if own.learning_rate_end not in (None, 0.0):
@@ -59,6 +59,8 @@ def entry(config: TrainConfig) -> str:
 
 
 def _ppo(own: PPOConfig) -> dict[str, Any]:
+    if own.symmetric:
+        raise InvalidValueError("ppo.symmetric", True, "false, for RL Zoo")
     return {"policy_kwargs": f'"dict(log_std_init={own.log_std_init}, {_network(own)})"'}
 
 
