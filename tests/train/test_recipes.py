@@ -40,14 +40,14 @@ def test_the_command_line_goes_before_the_recipe():
 
 
 def test_an_exception_is_for_its_layer_with_its_options():
-    def noise(layer, **options):
-        return config_for(WALK, layer, options).ppo.log_std_init
-
-    assert noise("joint_position", reference="home") == noise("torque")
-    assert noise("joint_position", reference="home") > noise("joint_position")
-    assert noise("joint_position") == noise("base_acceleration")
-    one, other = (config_for(WALK, layer).ppo for layer in ("torque", "base_acceleration"))
-    assert one != other and one.hidden == other.hidden
+    layers = ("joint_position", {"reference": "home"}), ("torque",), ("joint_position",)
+    for env in (WALK, "fbid_gym/QuadrupedWalk-v1"):
+        home, torque, gait = (config_for(env, *layer).ppo for layer in layers)
+        model = config_for(env, "base_acceleration").ppo
+        assert home == torque != model and home.hidden == model.hidden
+        assert home.log_std_init > gait.log_std_init
+        assert (gait == model) == (env == WALK)  # version 1 has settings for either
+    assert model.log_std_init > gait.log_std_init and model.gamma > gait.gamma
 
 
 @pytest.mark.parametrize(
