@@ -6,6 +6,7 @@ from typing import Any
 
 from fbid_gym.errors import RunError
 from fbid_gym.robots import Robot
+from train.runs.config import unusual
 from train.runs.differences import differences, in_words, made_with, training_differences
 from train.runs.environment import changed_meaning
 from train.runs.reading import Run
@@ -46,7 +47,8 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
                 f"{run.path} was trained in {run.policy.env_id}, {first.path} in "
                 f"{first.policy.env_id}. Compare runs of one environment at a time."
             )
-        different = differences(first.env_args, run.env_args)
+        arguments = (unusual(each.policy.env_id, each.env_args) for each in (first, run))
+        different = differences(*arguments)
         if different:
             raise RunError(
                 f"{run.path} and {first.path} have different environment arguments, so a return "

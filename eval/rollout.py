@@ -129,6 +129,9 @@ def play_player(
         raise InvalidValueError("episodes", episodes, "a positive number")
     if num_envs is not None and num_envs < 1:
         raise InvalidValueError("num_envs", num_envs, "a positive number")
+    robots = len(player.make_args.get("robots") or [None])
+    if episodes < robots:
+        raise InvalidValueError("episodes", episodes, f"at least the {robots} robots that act")
     envs = make_envs(player.env_id, player.make_args, min(episodes, num_envs or 128))
     try:
         actor = player.actor(envs.single_observation_space, envs.single_action_space)

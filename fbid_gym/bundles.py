@@ -70,7 +70,6 @@ def save_bundle(file: Path, data: Mapping[str, Any], tensors: Mapping[str, np.nd
     ):
         if size > most:
             raise InvalidValueError(f"size of {name}", size, f"at most {most:,} bytes")
-    file.parent.mkdir(parents=True, exist_ok=True)
     write_file(file, packed)
 
 
@@ -123,6 +122,7 @@ def _digest(data: Mapping[str, Any], tensors: Tensors) -> str:
 def write_file(path: Path, content: bytes) -> None:
     """Write a file beside its place, then rename it there, so that it is never half-written."""
     fresh = fresh_path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with fresh.open("wb") as file:
         file.write(content)
         file.flush()

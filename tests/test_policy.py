@@ -128,6 +128,10 @@ def test_wrong_observation_shape(shape):
         make_policy()(np.full(shape, "a"))
     with pytest.raises(ShapeError, match=r"observation has shape .* Expected \(N, 5\)"):
         make_policy()(np.zeros(shape))
+    with pytest.raises(NonFiniteError, match=r"observation is not finite.*\(1, 4\)"):
+        make_policy()(np.vstack([np.zeros(5), [0.0, 0.0, 0.0, 0.0, np.nan]]))
+    with pytest.raises(InvalidValueError, match="Invalid policy: 3. Expected the path of one"):
+        Policy.load(3)
 
 
 @pytest.mark.parametrize(

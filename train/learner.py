@@ -10,6 +10,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from torch.nn.utils.parametrize import is_parametrized
 
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, place_of
@@ -74,9 +75,14 @@ def _begin_with(learner: BaseAlgorithm, config: TrainConfig, policy: Policy) -> 
             said = f"a policy with {name} {expected}; it has {its}"
             raise InvalidValueError("start", config.start, said)
     with torch.no_grad():
-        for layer, weight, bias in zip(layers, policy.weights, policy.biases, strict=True):
-            layer.weight.copy_(torch.tensor(weight))
-            layer.bias.copy_(torch.tensor(bias))
+        for layer, *numbers in zip(layers, policy.weights, policy.biases, strict=True):
+            for name, its in zip(("weight", "bias"), map(torch.tensor, numbers), strict=True):
+                symmetric = is_parametrized(layer, name)
+                place = f"parametrizations.{name}.original" if symmetric else name
+                layer.get_parameter(place).copy_(its)
+                if not torch.allclose(getattr(layer, name), its, atol=1e-6):
+                    expected = "a symmetric policy, with ppo.symmetric"
+                    raise InvalidValueError("start", config.start, expected)
     observation, _ = moments(learner)
     seen = policy.observation_size  # what follows is the critic's
     observation.mean[:seen], observation.var[:seen] = policy.mean, policy.variance

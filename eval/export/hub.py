@@ -21,6 +21,7 @@ from eval.export.onnx_model import INPUT, OUTPUT, metadata_of, to_onnx
 from eval.page.html import render
 from fbid_gym.checks import check_choices
 from fbid_gym.environments import ENVIRONMENTS
+from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from fbid_gym.runtime import Controller
 from fbid_gym.runtime.config import AROUND, plain
@@ -66,6 +67,10 @@ def write_hub(folder: Path, policy: Policy, controller: Controller, name: str) -
         ),
         "policy.onnx": model,
     }
+    there = [file for file in written if (folder / file).exists()]
+    if there and "policy.onnx" not in there:
+        found = f"{folder}: holds {there[0]} but no policy.onnx, so no export wrote it"
+        raise RunError(f"{found}. Expected a folder of an export, or a new one.")
     for file, content in written.items():
         write(folder / file, content)
     policy.save(folder / "policy.safetensors")

@@ -7,13 +7,12 @@ import numpy as np
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.fitting import check_fits, sees_the_body
+from fbid_gym.envs.fitting import check_fits
 from fbid_gym.envs.registered import registered
-from fbid_gym.errors import FbidError, PolicyFileError
+from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot
 from fbid_gym.runtime.config import AROUND, EnvConfig
-from fbid_gym.runtime.observer import BODY
 
 _LAYERS = ("joint_position", "base_acceleration", "com_wrench")
 _RATES = (500, 1000)  # Hz that are tried where a robot falls at an environment's own
@@ -48,12 +47,8 @@ def by_policy(robot: Robot, policy: Policy) -> str:
     """Say how a robot does by a policy of bodies, beside the zero action of its layer.
 
     As `verdict` says it of layers, in the policy's own environment. Raises FbidError for a policy
-    that sees joints or acts on other feet, and for a robot that cannot walk.
+    of other joints that sees or moves them, or of other feet, and for a robot that cannot walk.
     """
-    if not sees_the_body(policy):
-        seen = policy.env_args.get("observation", "full")
-        expected = f"a policy that learnt with observation={BODY!r}"
-        raise PolicyFileError(f"{policy.source}: it learnt with {seen!r}. Expected {expected}.")
     given = {**registered(policy.env_id).kwargs, **policy.env_args}
     arguments = {name: value for name, value in given.items() if name not in AROUND}
     told = [

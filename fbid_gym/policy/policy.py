@@ -148,6 +148,7 @@ class Policy:
         Raises:
             ShapeError: the observations are not (N, O).
             InvalidValueError: they are not numbers.
+            NonFiniteError: one of them is NaN or infinite.
         """
         expected = f"numbers of shape (N, {self.observation_size})"
         observation = real_numbers("observation", observation, expected)
@@ -157,6 +158,7 @@ class Policy:
             raise ShapeError(
                 "observation", observation.shape, f"(N, {self.observation_size}) for {self.source}"
             )
+        check_finite("observation", observation)
         x = _within((observation - self.mean) / self._spread, self.clip).astype(np.float32)
         activate = ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):

@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 
 from fbid_gym.bundles import SUFFIX, Bundle, load_bundle, read_tensors
-from fbid_gym.errors import PolicyFileError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, PolicyFileError, UnknownOptionError
 from fbid_gym.own_files import asset_places
 from fbid_gym.reading import MOST_DATA, read_file, read_object
 
@@ -31,6 +31,8 @@ def place_of(source: str | Path) -> Path:
     Where the arm of a name is that of one policy alone, it is enough: `shipped:any-quadruped`.
     Raises UnknownOptionError where no policy of that name is shipped.
     """
+    if not isinstance(source, str | Path):
+        raise InvalidValueError("policy", source, "the path of one, or shipped:NAME")
     name = str(source)
     if not name.startswith(PREFIX):
         return Path(source)

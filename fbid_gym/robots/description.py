@@ -39,7 +39,9 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     beside = path.parent / FILE
     if not (is_file(path) and is_file(beside)):
         return source, {}
-    about, options = _read(beside)
+    about, options = _read(beside, path.name)
+    if not is_file(about):
+        raise RobotError(f"{beside}: its mjcf, {str(about)!r}, does not exist.")
     return source, options if about.resolve() == path.resolve() else {}
 
 
@@ -58,16 +60,15 @@ def in_json(name: str, text: str) -> Any:
         raise InvalidValueError(name, text, "JSON") from None
 
 
-def _read(path: Path) -> tuple[Path, dict[str, Any]]:
-    """The file that a `robot.toml` is about, and the other arguments in it."""
+def _read(path: Path, usual: str = "robot.xml") -> tuple[Path, dict[str, Any]]:
+    """The file that a `robot.toml` is about, `usual` unless it says, and its other arguments."""
     text = read_file(path, MOST_TEXT, RobotError)
     try:
         options = tomllib.loads(text.decode())
     except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or too deep
         raise RobotError(f"Robot file {str(path)!r} is not valid TOML: {error}") from error
-    # Beside arguments of `Robot.from_mjcf` the file, `robot.xml` by default.
     check_choices(f"key in {path.name}", options, ("mjcf", *ARGUMENTS))
-    mjcf = options.pop("mjcf", "robot.xml")
+    mjcf = options.pop("mjcf", usual)
     if not isinstance(mjcf, str) or "\0" in mjcf:
         raise InvalidValueError(f"mjcf in {path.name}", mjcf, "the path of a file")
     return path.parent / mjcf, options

@@ -5,6 +5,7 @@ import hashlib
 import importlib
 import importlib.util
 import io
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,8 +61,9 @@ class Source:
         if is_published(source) and not is_file(path):
             path = (_of_menagerie if source.startswith(MENAGERIE) else _described)(source)
         if not is_file(path):
-            given = f"Robot file {shown(str(path))}"
-            raise RobotError(f"{given} does not exist. Expected the path of an MJCF or URDF.")
+            fault = "is a folder" if os.path.isdir(path) else "does not exist"
+            given = f"Robot file {shown(str(path))} {fault}"
+            raise RobotError(f"{given}. Expected the path of an MJCF or URDF.")
         return cls.known(path.resolve())
 
     @classmethod

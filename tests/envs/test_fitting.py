@@ -53,8 +53,8 @@ def test_what_does_not_fit_is_said():
     moves = policy_of(action_layer="joint_position", observation="body")
     with pytest.raises(PolicyFileError, match="moves 12 joints, and .*0 has 16.*moves the body"):
         check(moves, load("zoo:quadruped:0"))
-    with pytest.raises(PolicyFileError, match="learnt with 'full'"):
-        by_policy(load("go1"), sees)
+    with pytest.raises(PolicyFileError, match="sees 12 joints, and dog has 8"):
+        by_policy(small, sees)
 
 
 def test_a_verdict_by_a_policy_is_beside_the_zero_action():

@@ -11,7 +11,7 @@ import pytest
 from eval.export.__main__ import ExportConfig
 from eval.export.__main__ import run as export
 from eval.export.onnx_model import to_onnx
-from fbid_gym.errors import FbidError, InvalidValueError, PolicyFileError
+from fbid_gym.errors import FbidError, InvalidValueError, PolicyFileError, RunError
 from fbid_gym.policy import ACTIVATIONS, OUTPUTS, Policy
 from fbid_gym.robots import load
 
@@ -79,6 +79,9 @@ def test_a_folder_of_the_hub_holds_all_that_it_takes(onnx, session, tmp_path):
 def test_what_cannot_be_written_or_read_is_one_error(onnx, tmp_path, monkeypatch):
     with pytest.raises(InvalidValueError, match="--onnx FILE or --hub FOLDER"):
         export(ExportConfig(SHIPPED))
+    (tmp_path / "README.md").write_text("mine")
+    with pytest.raises(RunError, match=r"holds README\.md but no policy\.onnx, so no export"):
+        export(ExportConfig(SHIPPED, hub=tmp_path))
     with pytest.raises(InvalidValueError, match=r"a file name ending in \.onnx"):
         export(ExportConfig(SHIPPED, onnx=tmp_path / "walk.pt"))
     export(ExportConfig(SHIPPED, onnx=tmp_path / "walk.onnx"))

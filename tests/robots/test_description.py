@@ -41,6 +41,11 @@ def test_the_file_and_what_is_beside_it_are_one_robot(folder: Path, file: str) -
     np.testing.assert_array_equal(robot.home_qpos, told.home_qpos)
 
 
+def test_without_a_name_of_a_file_it_is_about_the_one_beside_it(folder: Path) -> None:
+    (folder / "robot.toml").write_text(TOML.replace('mjcf = "zoo.xml"\n', ""))
+    np.testing.assert_allclose(Robot.load(folder / "zoo.xml").model.dof_armature[6:], 0.05)
+
+
 def test_what_is_said_in_python_goes_first(folder: Path) -> None:
     robot = Robot.load(str(folder / "robot.toml"), {"all": "foot1"}, home=None, torque_limit=7)
     assert robot.foot_names == ("all",)
@@ -66,6 +71,7 @@ def test_another_file_in_the_folder_is_not_meant(folder: Path) -> None:
         ("feet = [", RobotError, "robot.toml' is not valid TOML: "),
         ("foot = 3", UnknownOptionError, "Unknown key 'foot' in robot.toml. Valid choices: mjcf"),
         ("", RobotError, "robot.xml' does not exist."),
+        ('mjcf = "cat.xml"', RobotError, "cat.xml',? does not exist."),
     ],
 )
 def test_bad_descriptions(folder, text, kind, message):

@@ -71,6 +71,8 @@ def test_what_is_not_there(tmp_path: Path) -> None:
         asset_path("cat.xml")
     with fails(RobotError, "no.xml' does not exist. Expected the path of an MJCF or URDF."):
         Robot.from_mjcf(tmp_path / "no.xml", ["toe"])
+    with fails(RobotError, " is a folder. Expected the path of an MJCF or URDF."):
+        Robot.load(tmp_path)
 
 
 def change(*parts: str) -> str:

@@ -13,7 +13,7 @@ import train.ppo
 from fbid_gym.envs.mirrored import mirrored
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
-from train.learner import build, normaliser
+from train.learner import build, export, normaliser
 from train.recipes import zoo
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 from train.runs.differences import run_differences
@@ -105,6 +105,19 @@ def test_a_run_that_is_continued_is_the_same_run(tmp_path):
         np.testing.assert_array_equal(mine, its)
 
 
+def test_it_begins_with_a_symmetric_policy_or_with_none(tmp_path):
+    given = config(tmp_path / "symmetric")
+    plain = replace(given, out=tmp_path / "plain", ppo=replace(given.ppo, symmetric=False))
+    robots = fbid_gym.make_sb3(ENV, 4, seed=0, **given.make_args())
+    for run in (given, plain):
+        train.ppo.main(run)
+    begun = export(build(replace(given, start=str(given.folder)), robots), given, {})
+    for mine, its in zip(begun.weights, Policy.load(given.folder).weights, strict=True):
+        np.testing.assert_allclose(mine, its, atol=1e-6)
+    with pytest.raises(FbidError, match="Invalid start: .* Expected a symmetric policy"):
+        build(replace(given, start=str(plain.folder)), robots)
+
+
 def test_a_run_from_before_the_option_is_that_without_it(tmp_path):
     plain = config(tmp_path)
     stored = replace(plain, ppo=replace(plain.ppo, symmetric=False)).to_json()
@@ -116,7 +129,6 @@ def test_a_run_from_before_the_option_is_that_without_it(tmp_path):
 @pytest.mark.parametrize(
     ("make", "complaint"),
     [
-        (lambda out: config(out, start="shipped:QuadrupedWalk-v0/joint_position"), "Invalid start"),
         (
             lambda out: replace(config(out), ppo=PPOConfig(symmetric=True, hidden=(16, 9))),
             r"Invalid ppo.hidden: \(16, 9\). Expected even widths",

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from fbid_gym.checks import check_plain
+from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 
@@ -304,8 +305,6 @@ class TrainConfig:
             return
         if own.symmetric and any(width % 2 for width in own.hidden):
             raise InvalidValueError("ppo.hidden", own.hidden, "even widths, with ppo.symmetric")
-        if own.symmetric and self.start is not None:
-            raise InvalidValueError("start", self.start, "none, with ppo.symmetric")
         if self.iteration_steps < 2:
             raise InvalidValueError(
                 "ppo.n_steps", own.n_steps, "num_envs * ppo.n_steps of at least 2"
@@ -387,7 +386,15 @@ def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
     whole = {**_BEFORE, **stored}
     if isinstance(whole.get("ppo"), Mapping):
         whole["ppo"] = {"symmetric": False, **whole["ppo"]}
+    if isinstance(whole.get("env_args"), Mapping):
+        whole["env_args"] = unusual(str(whole.get("env_id")), whole["env_args"])
     return whole
+
+
+def unusual(env_id: str, env_args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that an environment of ours does not have anyway, as JSON has them."""
+    usual = json.loads(json.dumps(ENVIRONMENTS.get(env_id, {})))
+    return {k: value for k, value in env_args.items() if k not in usual or usual[k] != value}
 
 
 def algorithm_of(stored: Mapping[str, Any]) -> str:

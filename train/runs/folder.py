@@ -64,11 +64,17 @@ class RunFolder(NamedTuple):
     @property
     def results(self) -> set[Path]:
         """All files of a run beside its configuration, with leftovers of killed writes."""
-        replaced = {self.versions, self.environment, self.robot}
-        replaced |= {self.checkpoint, self.policy, self.best_policy}
+        replaced = {self.checkpoint, self.policy, self.best_policy}
         return {
             *(self.progress, self.evaluations, self.tensorboard, self.replay),
             *replaced,
-            *map(fresh_path, (self.config, *replaced)),
+            *map(fresh_path, replaced),
+            *self.beginnings,
             *self.older,
         }
+
+    @property
+    def beginnings(self) -> set[Path]:
+        """Files that a run may leave that is killed before its configuration is written."""
+        written = {self.versions, self.environment, self.robot}
+        return {*written, *map(fresh_path, (self.config, *written))}

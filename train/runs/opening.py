@@ -52,8 +52,8 @@ class OpenRun:
             write(folder.versions, to_json(versions()))
             if self.meaning is not None:
                 write(folder.environment, to_json(self.meaning))
-            if self.robot is not None:
-                self.robot.save(folder.robot)
+        if self.robot is not None:
+            self.robot.save(folder.robot)
         if not folder.config.exists() or read_json(folder.config) != self.config:
             write(folder.config, to_json(self.config))
 
@@ -110,7 +110,8 @@ def _check_same_run(folder: RunFolder, config: TrainConfig, asked: Mapping[str, 
     if not path.is_dir():
         raise RunError(f"{path}: is a file. Expected a run folder or a new one.")
     if not folder.config.exists():
-        foreign = sorted({*path.iterdir()} - folder.results - {folder.lock})
+        own = folder.results if config.overwrite else folder.beginnings
+        foreign = sorted({*path.iterdir()} - own - {folder.lock})
         if foreign:
             names = ", ".join(entry.name for entry in foreign[:3])
             raise RunError(
@@ -121,13 +122,9 @@ def _check_same_run(folder: RunFolder, config: TrainConfig, asked: Mapping[str, 
     stored = read_json(folder.config)
     if config.overwrite:
         return False
-    different = run_differences(stored, asked)
-    if different:
-        raise RunError(
-            f"{path}: holds another run: asked for {in_words(different)}. Choose another --out, or "
-            "--overwrite to start anew."
-        )
     anew = "Choose another --out, or --overwrite to start anew."
+    if different := run_differences(stored, asked):
+        raise RunError(f"{path}: holds another run: asked for {in_words(different)}. {anew}")
     trained = last_steps(folder.progress)
     if not folder.checkpoint.exists():
         if (before := folder.older[0]).exists():

@@ -111,7 +111,7 @@ def _read_curve(path: Path) -> LearningCurve:
     names = ("steps", "wall_seconds", "return_mean", "return_std", "episodes")
     columns = read_columns(path, names)
     if not columns:
-        raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
+        raise RunError(f"{path}: holds no evaluation, so no curve. Compare its policy.safetensors.")
     return LearningCurve(*columns.values())
 
 

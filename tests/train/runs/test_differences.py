@@ -16,6 +16,9 @@ def test_what_makes_another_run():
     own |= {"torch_threads": stored["torch_threads"], "out": Path("x"), "overwrite": True}
     same = TrainConfig(**own)
     assert run_differences(stored, same.to_json()) == []
+    wide, said = {"env": "fbid_gym/QuadrupedWalk-v1"}, {"robot": "go1", "push_weights": [0.0, 1.2]}
+    given = TrainConfig(**wide, env_args=said).to_json()
+    assert run_differences(TrainConfig(**wide).to_json(), given) == []
     other = TrainConfig(seed=4, env_args={"push_force": [1, 2]}, ppo=PPOConfig(gamma=0.9))
     assert [str(one) for one in run_differences(stored, other.to_json())] == [
         "env_args.push_force [1, 2] instead of unset",

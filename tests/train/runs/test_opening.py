@@ -127,6 +127,14 @@ def test_a_checkpoint_of_an_earlier_version_is_not_begun_anew(tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {".lock", "config.json", "versions.json"}
 
 
+def test_results_without_their_configuration_are_not_begun_anew(tmp_path):
+    config = stand_in.config(tmp_path)
+    _begin(config, checkpoint=True)
+    (tmp_path / "config.json").unlink()
+    _refused(config, r"holds checkpoint\.safetensors but no config\.json")
+    _begin(replace(config, overwrite=True))
+
+
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_folders_that_are_no_run_are_left_alone(tmp_path, overwrite):
     (tmp_path / "thesis.tex").write_text("years of work")
