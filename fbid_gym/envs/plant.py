@@ -20,6 +20,7 @@ _RANGES = (
 )
 # Likewise; younger, so drawn last and only where they vary: seeds go on to mean the same robots.
 _YOUNGER = ("loop_delay", "motor_speed", "motor_lag", "payload")
+_CONTACT_TIME = "contact_time"  # likewise, and kept only then: older critics do not observe it
 
 _OFF_CENTRE = 0.2  # of the mean distance of the contact points from their centre
 
@@ -79,6 +80,8 @@ class Plant:
             **{name: np.full(count, getattr(randomisation, name)[0]) for name in _YOUNGER},
             "payload_place": np.zeros((count, 2)),
         }
+        if randomisation.contact_time != (1.0, 1.0):
+            self.arrays[_CONTACT_TIME] = np.ones(count)
 
     @property
     def drawn(self) -> dict[str, np.ndarray]:
@@ -97,7 +100,7 @@ class Plant:
         for name in _RANGES:
             least, most = getattr(ranges, name)
             self.arrays[name][env] = rng.uniform(least, most, self.arrays[name].shape[1:])
-        for name in _YOUNGER:
+        for name in (*_YOUNGER, *self.arrays.keys() & {_CONTACT_TIME}):
             least, most = getattr(ranges, name)
             self.arrays[name][env] = rng.uniform(least, most) if least < most else least
         if ranges.payload[1] > 0.0:
@@ -141,6 +144,14 @@ class Plant:
             scaled = np.tile(nominal, (len(ids), 1, 1))
             scaled[:, :, sliding] *= drawn["friction"][:, None, None]
             batch.expand(field)[ids] = scaled
+        if _CONTACT_TIME in drawn:
+            for field in ("geom_solref", "pair_solref", "pair_solreffriction"):
+                nominal, longer = getattr(simulated, field), drawn[_CONTACT_TIME][:, None]
+                # Below zero they are a stiffness, 1/s^2, and a damping, 1/s.
+                direct, scaled = nominal[:, 0] < 0.0, np.tile(nominal, (len(ids), 1, 1))
+                scaled[:, :, 0] *= np.where(direct, longer**-2, longer)
+                scaled[:, :, 1] *= np.where(direct, 1.0 / longer, 1.0)
+                batch.expand(field)[ids] = scaled
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:

@@ -29,6 +29,9 @@ class Randomisation:
     """Plant: each body's centre of mass is moved by up to this (m) along each axis."""
     friction: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the friction of the contacts."""
+    contact_time: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the time constant of the contacts, the first number of their
+    `solref`: below 1 they are harder. Physics make it two of their steps at least."""
     motor_strength: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the torque of each joint's motor."""
     action_delay: Delay = (0.0, 0.0)

@@ -11,14 +11,19 @@ from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.robots.built_in import asset_path
 from fbid_gym.runtime.randomisation import Randomisation
 from tests.batches import begun
 from tests.pairs import pairs
 from tests.robots.test_source_urdf import urdf
 
-PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}
+PLANT = {
+    **{"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)},
+    "contact_time": (1.0, 2.5),
+}
 MODEL = {"model_mass": 0.2, "model_com": 0.01}
 _VARIED = "body_mass body_inertia body_ipos geom_friction pair_friction actuator_gear".split()
+_VARIED += "geom_solref pair_solref pair_solreffriction".split()
 
 
 def build(name, randomisation, num_envs=6, **arguments):
@@ -80,6 +85,10 @@ def test_the_plant_differs_from_robot_to_robot_within_the_ranges(name):
     np.testing.assert_allclose(paired[:, :, :2], sliding, rtol=1e-12)
     np.testing.assert_array_equal(paired[:, :, 2:], 1.0)
     assert 0.4 <= friction[..., 0].min() < 0.43 and 0.77 < friction[..., 0].max() <= 0.8
+    times = physics.expanded("geom_solref") / model.geom_solref
+    np.testing.assert_array_equal(times[:, :, 1], 1.0)
+    assert (np.ptp(times[:, :, 0], axis=1) < 1e-12).all()
+    assert 1.0 <= times[..., 0].min() < 1.25 and 2.2 < times[..., 0].max() <= 2.5
     strength = physics.expanded("actuator_gear")[..., 0] / nominal.actuator_gear[:, 0]
     assert strength.shape == (40, batch.robot.num_joints)
     assert 0.7 <= strength.min() < 0.71 and 1.09 < strength.max() <= 1.1
@@ -114,6 +123,21 @@ def test_the_simulation_moves_like_a_robot_of_those_masses():
         env.step(np.zeros(env.action_space.shape))
         np.testing.assert_allclose(simulation.qpos[index], qpos[-1], atol=1e-9)
         env.reset(seed=3)
+
+
+def test_contacts_of_a_stiffness_and_a_damping_are_those_of_their_time_constant():
+    text, feet = asset_path("go1.xml").read_text(), 'solref="0.008 1"'
+    assert feet in text
+    names, rested = [f"{foot.name}_foot" for foot in robots.load("go1").feet], []
+    for given in (feet, f'solref="{-1.0 / 0.008**2!r} {-2.0 / 0.008!r}"'):
+        robot = robots.Robot.from_mjcf(text.replace(feet, given), names)
+        softer = {"contact_time": (2.0, 2.0)}
+        env, batch = build("fbid_gym/QuadrupedBalance-v0", softer, num_envs=1, robot=robot)
+        for _ in range(10):
+            env.step(np.zeros(env.action_space.shape))
+        rested.append(batch.simulation.qpos[0].copy())
+        env.close()
+    np.testing.assert_allclose(rested[1], rested[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS)[::3])
