@@ -89,12 +89,12 @@ LINES = {
     "estimation": 1965,
     "motions": 3697,
     "policy": 620,
-    "robots": 5540,
+    "robots": 5551,
     "runtime": 1795,
     "tasks": 2194,
 }
 # Of whole trees; 24,000 of tests, 13,500 of eval, 4,800 of its papers are where this shall go.
-TREES = {"tests": 29_651, "train": 5_436, "eval": 16_997, "eval/papers": 5_230}
+TREES = {"tests": 29_652, "train": 5_436, "eval": 16_997, "eval/papers": 5_230}
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 5,500 is where the lines shall go.
 READING = {"fbid_gym.actions.base_acceleration": (35, 6849)}

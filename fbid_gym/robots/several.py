@@ -1,13 +1,14 @@
 """A list of robots, as users write it."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots.built_in import ROBOTS, load
 from fbid_gym.robots.robot import Robot
-from fbid_gym.robots.source import MENAGERIE
+from fbid_gym.robots.source import MENAGERIE, is_published
 from fbid_gym.robots.zoo import ZOO, drawn
 
 
@@ -36,4 +37,14 @@ def _meant(given: Any) -> tuple[Robot, ...]:
     name = str(given)
     if name.startswith(ZOO):
         return tuple(map(load, drawn(name)))
-    return (load(name) if name in ROBOTS or name.startswith(MENAGERIE) else Robot.load(given),)
+    if name in ROBOTS or name.startswith(MENAGERIE):
+        return (load(name),)
+    check_word(name)
+    return (Robot.load(given),)
+
+
+def check_word(name: str) -> None:
+    """Raise UnknownOptionError for a word that is no path of a file, nor a published robot."""
+    path = Path(name)
+    if not (is_published(name) or path.suffix or path.name != name or os.path.exists(name)):
+        raise UnknownOptionError("robot", name, (*ROBOTS, f"{ZOO}7", "the path of a file"))

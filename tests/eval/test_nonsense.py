@@ -59,6 +59,7 @@ COMMANDS = {
         (f"{ZERO} --out {NOWHERE}/a.json", "Invalid out: '/dev/null/there/a.js"),
         (f"{ZERO} --video /dev/full/a.mp4", "Expected a place where files can"),
         (f"{ZERO} --robot nodog", "Unknown robot 'nodog'. Valid choices: biped"),
+        (f"{ZERO} --robots g1 goat", "Unknown robot 'goat'. Valid choices: biped"),
         (f"{ZERO} --feet a", "Invalid --feet: 'a'. Expected none without --robot"),
         (f"{ZERO} --robot go1 --feet a", "Expected none for 'go1', which has its"),
         (f"""{ZERO} --env-args '{{"robot": "g1"}}' --robot go1""", "Invalid robot in --env-args"),

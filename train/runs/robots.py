@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import ROBOTS, ZOO, Robot, load
 from fbid_gym.robots.description import feet_in_words
-from fbid_gym.robots.several import each_name
+from fbid_gym.robots.several import check_word, each_name
 from fbid_gym.robots.source import is_published
 from fbid_gym.robots.zoo import HELD_OUT, is_held_out
 from train.runs.archive import found
@@ -45,8 +45,7 @@ def chosen(robot: str | None, feet: Sequence[str] = (), robots: Sequence[str] = 
         return load(robot)
     if not is_published(robot):
         robot = str(found(Path(robot)))
-        if not Path(robot).exists():
-            raise UnknownOptionError("robot", robot, (*ROBOTS, "the path of a file"))
+        check_word(robot)
     return Robot.load(robot, feet_in_words(feet)).portable()
 
 
