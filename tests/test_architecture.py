@@ -85,7 +85,7 @@ LINES = {
     "actions": 3031,
     "control": 4635,
     "dynamics": 1609,
-    "envs": 3330,
+    "envs": 3328,
     "estimation": 1965,
     "motions": 3697,
     "policy": 620,

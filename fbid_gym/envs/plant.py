@@ -146,12 +146,10 @@ class Plant:
             batch.expand(field)[ids] = scaled
         if _CONTACT_TIME in drawn:
             for field in ("geom_solref", "pair_solref", "pair_solreffriction"):
-                nominal, longer = getattr(simulated, field), drawn[_CONTACT_TIME][:, None]
+                nominal = getattr(simulated, field)
                 # Below zero they are a stiffness, 1/s^2, and a damping, 1/s.
-                direct, scaled = nominal[:, 0] < 0.0, np.tile(nominal, (len(ids), 1, 1))
-                scaled[:, :, 0] *= np.where(direct, longer**-2, longer)
-                scaled[:, :, 1] *= np.where(direct, 1.0 / longer, 1.0)
-                batch.expand(field)[ids] = scaled
+                powers = np.where(nominal[:, :1] < 0.0, (-2.0, -1.0), (1.0, 0.0))
+                batch.expand(field)[ids] = nominal * drawn[_CONTACT_TIME][:, None, None] ** powers
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:
